@@ -2,6 +2,7 @@ import { readFileSync } from 'node:fs';
 import { join } from 'node:path';
 import { fileURLToPath } from 'node:url';
 import { defineConfig, type Plugin } from 'vite';
+import { glsl } from './vite.glsl';
 
 const ROOT = fileURLToPath(new URL('./src/page', import.meta.url));
 const BUILT = fileURLToPath(new URL('./built', import.meta.url));
@@ -28,21 +29,15 @@ const oneFile: Plugin = {
     },
 };
 
-/** Shaders without comments and indentation; and no second copy of the readers, as the page's policy allows its worker. */
-const smaller: Plugin = {
-    name: 'smaller',
+/** No second copy of the readers: the page's policy allows the worker that has them. */
+const withoutReaders: Plugin = {
+    name: 'without-readers',
     enforce: 'pre',
     load(id) {
-        if (id.endsWith('.glsl?raw')) {
-            const source = readFileSync(id.replace('?raw', ''), 'utf8').replace(/\/\/.*/g, '').replace(/\s*\n\s*/g, '\n').trim();
-            return `export default ${JSON.stringify(source)}`;
-        }
-        if (id.endsWith('/core/worker/read-from.ts')) {
-            return `export async function readFrom(source, most, post) {
-                post({ kind: 'failed', name: 'Error', errorKind: '', message: 'this browser starts no worker' });
-            }`;
-        }
-        return null;
+        if (!id.endsWith('/core/worker/read-from.ts')) return null;
+        return `export async function readFrom(source, most, post) {
+            post({ kind: 'failed', name: 'Error', errorKind: '', message: 'this browser starts no worker' });
+        }`;
     },
 };
 
@@ -50,7 +45,7 @@ const smaller: Plugin = {
 export default defineConfig({
     root: ROOT,
     base: './',
-    plugins: [smaller, oneFile],
+    plugins: [glsl(), withoutReaders, oneFile],
     build: {
         target: 'es2022', cssTarget: ['chrome123', 'firefox128', 'safari18'], minify: 'oxc', modulePreload: false,
         outDir: BUILT, emptyOutDir: true, reportCompressedSize: false,

@@ -111,6 +111,7 @@ class Page {
             clear('training');
         }
         byId('welcome').hidden = true;
+        for (const tool of document.querySelectorAll<HTMLButtonElement>('#tools button')) tool.disabled = false;
         clear('file');
         if (info.untextured) say('textures', `Shown without textures: ${info.untextured}`);
         else clear('textures');

@@ -12,7 +12,7 @@ const HEIGHT = 64;
 export function showTraining(training: SessionTraining | null): void {
     const card = byId<HTMLDetailsElement>('training');
     // Open where there is room for it, until someone closes it.
-    if (card.hidden && training) card.open = innerWidth > 640 && training.state !== 'finished';
+    if (card.hidden && training) card.open = Math.min(innerWidth, innerHeight) > 480 && training.state !== 'finished';
     card.hidden = !training;
     if (!training) return;
     const { step, steps, etaSecs, splats, texels, curve, state } = training;

@@ -1,0 +1,430 @@
+/** The built page, served and as a file, under the policy that the program gives it. */
+
+import { execFileSync, spawn } from 'node:child_process';
+import { mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
+import { tmpdir } from 'node:os';
+import { join } from 'node:path';
+import { pathToFileURL } from 'node:url';
+import type { Page } from 'playwright-core';
+import { afterAll, beforeAll, describe, expect, test } from 'vitest';
+import { BrowserTest, browserPath, WEB } from './browser';
+import { difference, type Opened, PageDriver, type Raster, renamed } from './page-driver';
+import { exported } from './page-server';
+
+const PACK = join(WEB, '../samples/conformance');
+const LTGS = readFileSync(join(PACK, 'balanced.ltgs'));
+const GLB = readFileSync(join(PACK, 'balanced.glb'));
+const HOSTILE = '</script><img src=x onerror="document.title=1"><b>';
+
+const text = (page: Page, id: string) => page.evaluate((which) => document.getElementById(which)!.textContent, id);
+const hidden = (page: Page, id: string) => page.evaluate((which) => document.getElementById(which)!.hidden, id);
+const says = (page: Page, words: string) => page.waitForFunction((wanted) => document.getElementById('messages')!.textContent!.includes(wanted), words);
+const cameraIs = (page: Page, name: string) => page.waitForFunction((wanted) => document.getElementById('camera-name')!.textContent === wanted, name);
+
+/** Drops a file on the page. */
+async function drop(page: Page, name: string, bytes: Buffer): Promise<void> {
+    const transfer = await page.evaluateHandle(([fileName, base64]) => {
+        const data = new DataTransfer();
+        data.items.add(new File([Uint8Array.from(atob(base64), (c) => c.charCodeAt(0))], fileName));
+        return data;
+    }, [name, bytes.toString('base64')]);
+    for (const event of ['dragover', 'drop']) await page.dispatchEvent('body', event, { dataTransfer: transfer });
+}
+
+async function drag(page: Page, dx: number, dy: number): Promise<void> {
+    await page.mouse.move(200, 200);
+    await page.mouse.down();
+    await page.mouse.move(200 + dx, 200 + dy, { steps: 4 });
+    await page.mouse.up();
+}
+
+/** Nothing went wrong, and nothing was asked of anyone but the page's own server. */
+function quiet({ errors, requests }: Opened, origin: string): void {
+    expect(errors).toEqual([]);
+    expect(requests.filter((url) => !url.startsWith(`${origin}/`) && !/^(blob|data):/.test(url))).toEqual([]);
+}
+
+describe.skipIf(!browserPath())('page', () => {
+    let driver: PageDriver;
+    let renderer: BrowserTest;
+    const folder = mkdtempSync(join(tmpdir(), 'page-'));
+
+    beforeAll(async () => {
+        driver = await PageDriver.start();
+        renderer = await BrowserTest.open('tests/browser/harness.html', [PACK]);
+    });
+    afterAll(async () => {
+        await driver?.close();
+        await renderer?.close();
+        rmSync(folder, { recursive: true });
+    });
+
+    test('draws each camera as the renderer does, and is moved by mouse and keys', async () => {
+        const server = await driver.serve(LTGS);
+        const opened = await driver.open(server.url);
+        const { page } = opened;
+        const expected = (name: string): Promise<Raster> => rendered(renderer, join(PACK, 'balanced.ltgs'), name, 800, 600).then((png) => driver.decode(png));
+        const wide = await driver.canvas(page);
+        expect(wide.name).toBe('Conformance-scene-wide.png');
+        expect([wide.width, wide.height]).toEqual([800, 600]);
+        expect(difference(wide, await expected('wide')).largest).toBe(0);
+        expect(difference(await driver.window(page), wide).largest).toBeLessThanOrEqual(1);
+
+        await page.click('#tool-cameras');
+        await page.click('#cameras button:has-text("side")');
+        await cameraIs(page, 'side');
+        const side = await driver.canvas(page);
+        expect(side.name).toBe('Conformance-scene-side.png');
+        expect(difference(side, await expected('side')).largest).toBeLessThanOrEqual(1); // a pose is kept as its centre, which rounds
+        expect(difference(side, wide).mean).toBeGreaterThan(5);
+
+        await page.keyboard.press('n');
+        await cameraIs(page, 'inside');
+        expect(difference(await driver.canvas(page), await expected('inside')).largest).toBeLessThanOrEqual(1);
+        await page.keyboard.press('p');
+        await page.keyboard.press('p');
+        await cameraIs(page, 'wide');
+        expect(difference(await driver.canvas(page), wide).largest).toBe(0);
+
+        await drag(page, 80, 30);
+        await cameraIs(page, 'wideback');
+        const moved = await driver.canvas(page);
+        expect(moved.name).toBe('Conformance-scene.png');
+        expect(difference(moved, wide).mean).toBeGreaterThan(2);
+        await page.keyboard.press('b');
+        await cameraIs(page, 'wide');
+        await page.focus('#canvas');
+        await page.keyboard.down('w');
+        await cameraIs(page, 'wideback');
+        await page.keyboard.up('w');
+        await page.click('#camera-name');
+        await cameraIs(page, 'wide');
+        expect(difference(await driver.canvas(page), wide).largest).toBe(0);
+        quiet(opened, server.origin);
+    });
+
+    test('compares with the scene without textures, on either side of the divider', async () => {
+        const server = await driver.serve(LTGS);
+        const opened = await driver.open(server.url);
+        const { page } = opened;
+        const trained = await driver.canvas(page);
+        await page.keyboard.press('2');
+        const untextured = await driver.canvas(page);
+        await page.keyboard.press('1');
+        expect(difference(trained, untextured, [0, 400]).mean).toBeGreaterThan(0.2);
+        await page.keyboard.press('c');
+        const halves = await driver.canvas(page);
+        expect(difference(halves, trained, [0, 400]).largest).toBe(0);
+        expect(difference(halves, untextured, [400, 800]).largest).toBe(0);
+        await page.mouse.move(400, 300);
+        await page.mouse.down();
+        await page.mouse.move(240, 300, { steps: 3 });
+        await page.mouse.up();
+        const shifted = await driver.canvas(page);
+        expect(difference(shifted, trained, [0, 240]).largest).toBe(0);
+        expect(difference(shifted, untextured, [240, 800]).largest).toBe(0);
+        await page.focus('#slider');
+        await page.keyboard.press('End');
+        expect(await page.getAttribute('#slider', 'aria-valuenow')).toBe('100');
+        expect(difference(await driver.canvas(page), trained).largest).toBe(0);
+        await page.keyboard.press('c');
+        expect(await hidden(page, 'slider')).toBe(true);
+        for (const [key, legend] of [['3', 'none248163264128256+'], ['4', '0123'], ['5', 'nearfar']]) {
+            await page.keyboard.press(key);
+            expect(await text(page, 'legend-classes')).toBe(legend);
+            expect(difference(await driver.canvas(page), trained).mean).toBeGreaterThan(2);
+        }
+        await page.keyboard.press('1');
+        expect(await hidden(page, 'legend')).toBe(true);
+        quiet(opened, server.origin);
+    });
+
+    test('lays the photo over exactly the image of its camera, and only there', async () => {
+        const plain = await driver.open((await driver.serve(LTGS)).url);
+        await plain.page.click('#tool-cameras');
+        await plain.page.click('#cameras button:has-text("side")');
+        const side = await driver.window(plain.page);
+        // The camera's image lies in the middle of the window: 84 x 92 px at a scale of 600 / 92.
+        const width = 84 * 600 / 92, left = 400 - width / 2;
+        const clip = { x: Math.ceil(left), y: 0, width: Math.floor(width) - 1, height: 600 };
+        const photo = await rendered(renderer, join(PACK, 'balanced.ltgs'), 'side', 7 * 84, 7 * 92);
+        const server = await driver.serve(LTGS, (s) => {
+            s.addPhoto('side', photo);
+            s.addPhoto('wide', Buffer.from('not an image, but long enough for a header of one'));
+        });
+        const opened = await driver.open(server.url);
+        const { page } = opened;
+        await page.click('#tool-compare');
+        await page.click('label:has-text("photo of the camera")');
+        await says(page, 'The photo of wide cannot be read.');
+        await page.keyboard.press('n');
+        await page.waitForFunction(() => !document.getElementById('photo')!.hidden);
+        await page.keyboard.press('Escape');
+        const box = (await page.locator('#photo').boundingBox())!;
+        expect(box.x).toBeCloseTo(left, 1);
+        expect(box.width).toBeCloseTo(width, 1);
+        expect([box.y, box.height]).toEqual([0, 600]);
+        const over = await driver.window(page);
+        expect(difference(over, side, [0, 398]).largest).toBe(0);
+        expect(difference(over, side, [clip.x + clip.width + 2, 800]).largest).toBe(0);
+        // The photo is the same image, resampled. One px off, it would fit worse.
+        const inside: [number, number] = [402, clip.x + clip.width - 20];
+        const inPlace = difference(over, side, inside).mean;
+        expect(inPlace).toBeGreaterThan(0);
+        for (const by of [-1, 1]) expect(difference(shiftedBy(over, by), side, inside).mean).toBeGreaterThan(1.5 * inPlace);
+
+        await drag(page, 30, 0);
+        await page.waitForFunction(() => document.getElementById('photo')!.hidden && document.getElementById('slider')!.hidden);
+        expect(await text(page, 'camera-name')).toBe('sideback to the photo');
+        await page.click('#camera-name');
+        await page.waitForFunction(() => !document.getElementById('photo')!.hidden);
+        await page.keyboard.press('n');
+        await says(page, 'There is no photo of inside.');
+        quiet(opened, server.origin);
+    });
+
+    test('opens files that are dropped, says why it cannot, and keeps the scene then', async () => {
+        const opened = await driver.open(pathToFileURL(join(WEB, 'built/view.html')).href, { wait: false });
+        const { page } = opened;
+        await page.waitForSelector('#welcome:not([hidden])');
+        expect(await page.isDisabled('#tool-cameras')).toBe(true);
+        await drop(page, 'rubbish.ltgs', Buffer.from('neither this nor that, but some bytes'));
+        await says(page, 'rubbish.ltgs: ');
+        expect(await hidden(page, 'welcome')).toBe(false);
+        await drop(page, 'scene.glb', GLB);
+        await driver.drawn(page);
+        expect(await hidden(page, 'welcome')).toBe(true);
+        expect(await text(page, 'messages')).toBe('');
+        const before = await driver.canvas(page);
+        expect(difference(before, { ...before, data: Buffer.alloc(before.data.length, before.data.subarray(0, 4)) }).mean).toBeGreaterThan(2);
+        for (const [name, bytes] of [['cut.ltgs', LTGS.subarray(0, 9000)], ['empty.glb', Buffer.alloc(0)], ['cut.glb', GLB.subarray(0, 20_000)]] as const) {
+            await drop(page, name, bytes);
+            await says(page, `${name}: `);
+            expect(difference(await driver.canvas(page), before).largest).toBe(0);
+            expect(await text(page, 'subtitle')).toContain('scene.glb');
+            await page.keyboard.press('Escape');
+        }
+        await drop(page, 'other.ltgs', LTGS);
+        await page.waitForFunction(() => document.getElementById('subtitle')!.textContent!.includes('other.ltgs'));
+        expect(await text(page, 'messages')).toBe('');
+        await page.setInputFiles('#file', { name: 'chosen.glb', mimeType: '', buffer: GLB });
+        await page.waitForFunction(() => document.getElementById('subtitle')!.textContent!.includes('chosen.glb'));
+        await page.click('#tool-info');
+        expect(await text(page, 'file-facts')).toContain('Splats36');
+        quiet(opened, 'file://');
+    });
+
+    test('works as one file with its scene inside', async () => {
+        const file = join(folder, 'scene.html');
+        writeFileSync(file, exported(LTGS, HOSTILE));
+        const opened = await driver.open(pathToFileURL(file).href);
+        expect(await text(opened.page, 'title')).toBe(HOSTILE);
+        const served = await driver.open((await driver.serve(LTGS)).url);
+        expect(difference(await driver.canvas(opened.page), await driver.canvas(served.page)).largest).toBe(0);
+        expect(opened.requests.filter((url) => !url.startsWith('blob:'))).toEqual([pathToFileURL(file).href]);
+        expect(opened.errors).toEqual([]);
+    });
+
+    test('shows a training: its state, new scenes with the camera kept, its end, and that of the program', async () => {
+        const training = { step: 500, steps: 2000, etaSecs: 75, splats: 36, texels: 5628, curve: [[0, 12], [250, 20.5], [500, 24.25]], curveOf: 'psnr', state: 'running', revision: 1 };
+        const server = await driver.serve(GLB, (s) => { s.session = { ...s.session, asset: null, training, title: 'my training' }; });
+        const { page, errors, requests } = await driver.open(server.url, { wait: false });
+        await page.waitForFunction(() => document.getElementById('waiting')!.textContent!.includes('first scene'));
+        expect(await text(page, 'training-step')).toBe('500 / 2,000');
+        expect(await text(page, 'training-facts')).toBe('Time left1 min 15 sSplats36Texels5,628');
+        expect(await page.getAttribute('#training-curve polyline', 'points')).toBe('0.0,64.0 120.0,19.6 240.0,0.0');
+        const asset = { url: server.assetUrl, bytes: GLB.length, format: 'glb', name: 'preview', revision: 1 };
+        server.session.asset = asset;
+        await driver.drawn(page);
+        await drag(page, 60, 20);
+        const first = await driver.canvas(page);
+
+        // Before another background: the same camera, another scene.
+        server.asset = renamed(GLB, (key, value) => (key === 'background' ? [0.5, 0.1, 0.1] : value));
+        server.session = { ...server.session, asset: { ...asset, revision: 2, bytes: server.asset.length }, training: { ...training, step: 1000 } };
+        await page.waitForFunction(() => document.getElementById('training-step')!.textContent === '1,000 / 2,000');
+        let second = await driver.canvas(page);
+        for (let tries = 0; tries < 20 && difference(second, first).mean < 2; tries++) {
+            await page.waitForTimeout(200);
+            second = await driver.canvas(page);
+        }
+        expect(difference(second, first).mean).toBeGreaterThan(2);
+        expect(second.name).toBe(first.name);
+        server.asset = GLB;
+        server.session = { ...server.session, asset: { ...asset, revision: 3 } };
+        for (let tries = 0; tries < 20 && difference(second, first).largest > 0; tries++) {
+            await page.waitForTimeout(200);
+            second = await driver.canvas(page);
+        }
+        expect(difference(second, first).largest).toBe(0);
+
+        server.asset = Buffer.from('in the middle of being written');
+        server.session = { ...server.session, asset: { ...asset, revision: 4 }, training: { ...training, step: 1500, state: 'stopped' } };
+        await says(page, 'The training has stopped at step 1500 of 2000.');
+        await says(page, 'preview: ');
+        expect(difference(await driver.canvas(page), first).largest).toBe(0);
+        expect(errors).toEqual([]);
+
+        await server.stop();
+        await says(page, 'The program has ended.');
+        expect(difference(await driver.canvas(page), first).largest).toBe(0);
+        await server.start();
+        await page.waitForFunction(() => !document.getElementById('messages')!.textContent!.includes('has ended'));
+        expect(requests.every((url) => url.startsWith(server.origin) || url.startsWith('blob:') || url.startsWith('data:'))).toBe(true);
+    });
+
+    test('shows texts of files as text', async () => {
+        const file = renamed(GLB, (key, value) => (key === 'name' && value === 'side' ? HOSTILE
+            : key === 'provenance' ? { ...value as object, title: HOSTILE, author: HOSTILE, training: { policy: HOSTILE } } : value));
+        const server = await driver.serve(file, (s) => { s.session.asset!.name = HOSTILE; });
+        const opened = await driver.open(server.url);
+        const { page } = opened;
+        expect(await text(page, 'title')).toBe(HOSTILE);
+        expect(await page.title()).toBe(`${HOSTILE} – litetex`);
+        await page.keyboard.press('n');
+        await cameraIs(page, HOSTILE);
+        await page.click('#tool-cameras');
+        expect(await text(page, 'cameras')).toContain(HOSTILE);
+        await page.click('#tool-info');
+        expect(await text(page, 'provenance')).toContain(`Author${HOSTILE}`);
+        expect(await text(page, 'training-settings')).toContain(HOSTILE);
+        expect(await page.locator('img[src=x], #title b, #cameras b').count()).toBe(0);
+        expect((await driver.canvas(page)).name).toMatch(/^[\w.-]+\.png$/);
+        quiet(opened, server.origin);
+    });
+
+    test('is usable with the keyboard alone', async () => {
+        const { page } = await driver.open((await driver.serve(LTGS)).url);
+        await page.keyboard.press('?');
+        expect(await page.locator('#help').isVisible()).toBe(true);
+        expect(await text(page, 'help-keys')).toContain('save the image');
+        await page.keyboard.press('Escape');
+        expect(await page.locator('#help').isVisible()).toBe(false);
+        await page.keyboard.press('l');
+        expect(await page.getAttribute('#tool-cameras', 'aria-expanded')).toBe('true');
+        await page.keyboard.press('i');
+        expect(await text(page, 'panel-title')).toBe('Information');
+        await page.keyboard.press('Escape');
+        expect(await hidden(page, 'panel')).toBe(true);
+        expect(await page.evaluate(() => document.activeElement!.id)).toBe('tool-info');
+        const names = await page.evaluate(() => [...document.querySelectorAll('button, input:not([hidden]), [role=slider], canvas')]
+            .filter((e) => !(e.getAttribute('aria-label') || e.textContent!.trim() || (e as HTMLInputElement).labels?.[0]?.textContent!.trim())).map((e) => e.outerHTML));
+        expect(names).toEqual([]);
+        for (let i = 0; i < 3; i++) await page.keyboard.press('Tab');
+        expect(await page.evaluate(() => getComputedStyle(document.activeElement!).outlineStyle)).toBe('solid');
+    });
+
+    test.each([[360, 640], [844, 390]])('fits a phone of %i x %i', async (width, height) => {
+        const server = await driver.serve(LTGS, (s) => {
+            s.session.title = 'a-title-without-any-spaces-'.repeat(9);
+            s.session.training = { step: 1, steps: 2, etaSecs: null, splats: 1, texels: 0, curve: [], state: 'running', revision: 1 };
+        });
+        const opened = await driver.open(server.url, { viewport: { width, height }, hasTouch: true, isMobile: true, deviceScaleFactor: 2 });
+        const { page } = opened;
+        const fits = async (selector: string) => {
+            for (const box of await page.locator(selector).all()) {
+                if (!await box.isVisible()) continue;
+                const { x, y, width: w, height: h } = (await box.boundingBox())!;
+                expect(Math.min(x, y), selector).toBeGreaterThanOrEqual(0);
+                expect([x + w <= width, y + h <= height], selector).toEqual([true, true]);
+                expect(Math.min(w, h), selector).toBeGreaterThanOrEqual(40);
+            }
+        };
+        await fits('#tools button, #camera-bar button, #training summary');
+        for (const tool of ['display', 'cameras', 'compare', 'info']) {
+            await page.tap(`#tool-${tool}`);
+            await fits('#panel, #panel-close');
+            for (const label of await page.locator('#panel label:visible, #panel button:visible').all()) expect((await label.boundingBox())!.height).toBeGreaterThanOrEqual(40);
+            expect(await page.evaluate(() => [document.documentElement.scrollWidth <= innerWidth, document.getElementById('panel')!.scrollWidth <= innerWidth])).toEqual([true, true]);
+        }
+        await page.tap('#panel-close');
+        const before = await driver.canvas(page);
+        expect(before.width).toBe(2 * width);
+        const client = await page.context().newCDPSession(page);
+        const touch = (type: 'touchStart' | 'touchMove' | 'touchEnd', ...points: [number, number][]) =>
+            client.send('Input.dispatchTouchEvent', { type, touchPoints: points.map(([x, y], id) => ({ x, y, id })) });
+        await touch('touchStart', [180, 250]);
+        await touch('touchMove', [220, 260]);
+        await touch('touchEnd');
+        const turned = await driver.canvas(page);
+        expect(difference(turned, before).mean).toBeGreaterThan(1);
+        await touch('touchStart', [150, 250], [210, 250]);
+        await touch('touchMove', [130, 250], [230, 250]);
+        await touch('touchEnd');
+        expect(difference(await driver.canvas(page), turned).mean).toBeGreaterThan(1);
+        quiet(opened, server.origin);
+    });
+
+    test('says so where nothing can be drawn', async () => {
+        const server = await driver.serve(LTGS);
+        const without = await driver.open(server.url, { wait: false, init: () => { HTMLCanvasElement.prototype.getContext = () => null; } });
+        await says(without.page, 'no WebGL2');
+        const { page } = await driver.open(server.url);
+        await page.evaluate(() => document.querySelector('canvas')!.getContext('webgl2')!.getExtension('WEBGL_lose_context')!.loseContext());
+        await says(page, 'The graphics driver has stopped.');
+        await page.click('#messages button:has-text("Reload")');
+        await driver.drawn(page);
+        expect(await text(page, 'messages')).toBe('');
+    });
+
+    test.skipIf(!views(process.env.LITETEX))('works with the program', async () => {
+        const program = spawn(process.env.LITETEX!, ['view', join(PACK, 'balanced.ltgs'), '--no-open'], { stdio: ['ignore', 'pipe', 'pipe'] });
+        try {
+            const url = await new Promise<string>((resolve, reject) => {
+                let said = '';
+                const read = (data: Buffer) => {
+                    said += data;
+                    const found = /http:\/\/127\.0\.0\.1:\d+\/\S*/.exec(said);
+                    if (found) resolve(found[0]);
+                };
+                program.stdout.on('data', read);
+                program.stderr.on('data', read);
+                program.on('exit', () => reject(new Error(said)));
+            });
+            const opened = await driver.open(url);
+            const own = await driver.open((await driver.serve(LTGS)).url);
+            expect(difference(await driver.canvas(opened.page), await driver.canvas(own.page)).largest).toBe(0);
+            quiet(opened, new URL(url).origin);
+            program.kill();
+            await says(opened.page, 'The program has ended.');
+        } finally {
+            program.kill();
+        }
+    });
+});
+
+/** Whether a program has the command. */
+function views(program: string | undefined): boolean {
+    return program !== undefined && /^ +view /m.test(execFileSync(program, ['help'], { encoding: 'utf8' }));
+}
+
+function shiftedBy({ width, height, data }: Raster, px: number): Raster {
+    const moved = Buffer.alloc(data.length);
+    if (px > 0) data.copy(moved, 4 * px);
+    else data.copy(moved, 0, -4 * px);
+    return { width, height, data: moved };
+}
+
+/** The renderer's own image of a camera, fitted into a viewport, as PNG. */
+async function rendered(test: BrowserTest, file: string, name: string, width: number, height: number): Promise<Buffer> {
+    const base64 = await test.page.evaluate(async ([url, camera, w, h]) => {
+        const load = eval('(path) => import(path)'); // vitest would rewrite an import that it sees
+        const [{ SplatRenderer }, { readFrom }, { fitted }] = await Promise.all(['core/render/renderer', 'core/worker/read-from', 'viewer/pose'].map((path): Promise<any> => load(`/src/${path}.ts`)));
+        const canvas = Object.assign(document.createElement('canvas'), { width: w, height: h });
+        const renderer = new SplatRenderer(canvas);
+        await readFrom({ url }, Infinity, (message: { kind: string; info: object; update: object }) => {
+            if (message.kind === 'info') renderer.start(message.info);
+            if (message.kind === 'update') renderer.apply(message.update);
+        });
+        const found = renderer.info.cameras.find((candidate: { name: string }) => candidate.name === camera);
+        const { scale, x, y } = fitted(found, w, h);
+        const view = {
+            rotation: found.rotation, translation: found.translation, focalPx: found.focalPx.map((f: number) => f * scale),
+            principalPx: [x + found.principalPx[0] * scale, y + found.principalPx[1] * scale], widthPx: w, heightPx: h,
+        };
+        await renderer.sorted(view);
+        renderer.draw(view);
+        return canvas.toDataURL('image/png').split(',')[1];
+    }, [`/@fs/${file}`, name, width, height] as const);
+    return Buffer.from(base64, 'base64');
+}
