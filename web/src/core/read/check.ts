@@ -1,22 +1,25 @@
 import type { Splats } from '../scene';
-import { invalid } from './errors';
+import { check } from './errors';
 
 /** Checks that all numbers are in their ranges (`gltf.md`, sections 1 and 2). */
 export function checkSplats(splats: Splats): void {
-  const { count, positions, rotations, scales, opacities, sh, rows, cols, texelSizes, shifts, texels } = splats;
-  for (let i = 0; i < count; i += 1) {
-    for (let k = 3 * i; k < 3 * i + 3; k += 1) if (!Number.isFinite(positions[k])) throw invalid(`splat ${i}: position ${positions[k]} is not finite`);
-    let norm = 0;
-    for (let k = 4 * i; k < 4 * i + 4; k += 1) norm += rotations[k] * rotations[k];
-    if (!(Math.abs(Math.sqrt(norm) - 1) <= 1e-5)) throw invalid(`splat ${i}: a rotation of norm ${Math.sqrt(norm)}, expected 1`);
-    for (let k = 2 * i; k < 2 * i + 2; k += 1) if (!(scales[k] > 0 && scales[k] <= 1e6)) throw invalid(`splat ${i}: standard deviation ${scales[k]}, expected up to 1e6`);
-    if (!(opacities[i] > 0 && opacities[i] <= 1)) throw invalid(`splat ${i}: opacity ${opacities[i]}, expected (0, 1]`);
+  const { rotations, rows, cols, texelSizes, shifts } = splats;
+  const all = (name: 'positions' | 'sh' | 'scales' | 'opacities' | 'texels', fits: (v: number) => boolean, range: string): void => {
+    for (const v of splats[name]) if (!fits(v)) check(false, name, v, range);
+  };
+  all('positions', Number.isFinite, 'finite numbers');
+  all('sh', Number.isFinite, 'finite numbers');
+  all('scales', (s) => s > 0 && s <= 1e6, 'above 0, at most 1e6');
+  all('opacities', (o) => o > 0 && o <= 1, 'above 0, at most 1');
+  all('texels', (t) => t >= -1 && t <= 1, '-1 to 1');
+  for (let i = 0; i < splats.count; i += 1) {
+    const norm = Math.sqrt(rotations[4 * i] ** 2 + rotations[4 * i + 1] ** 2 + rotations[4 * i + 2] ** 2 + rotations[4 * i + 3] ** 2);
+    if (!(Math.abs(norm - 1) <= 1e-5)) check(false, 'norm of a rotation', norm, 1);
     const isTextured = rows[i] > 0;
     for (let k = 2 * i; k < 2 * i + 2; k += 1) {
-      const fits = isTextured ? texelSizes[k] > 0 && texelSizes[k] < Infinity : texelSizes[k] === 0 && shifts[k] === 0;
-      if (!fits || isTextured !== cols[i] > 0) throw invalid(`splat ${i}: a map of ${rows[i]} x ${cols[i]} texels of size ${texelSizes[k]}`);
+      const size = texelSizes[k];
+      const fits = isTextured ? size > 0 && size < Infinity : size === 0 && shifts[k] === 0;
+      if (!fits) check(false, `texel size of a map of ${rows[i]} x ${cols[i]}`, size, isTextured ? 'above 0' : '0, as the shift');
     }
   }
-  for (const c of sh) if (!Number.isFinite(c)) throw invalid(`SH coefficient ${c} is not finite`);
-  for (const texel of texels) if (!(texel >= -1 && texel <= 1)) throw invalid(`texel ${texel}, expected -1 to 1`);
 }

@@ -1,17 +1,25 @@
 import { SceneError } from '../scene';
 
-/** An error for a file that is damaged or breaks a rule of its format. */
-export function invalid(what: string): SceneError {
-  return new SceneError('invalid', what);
+/** A value of a file for a message: short, in quotes if it is a text, without control characters. */
+export function shown(value: unknown): string {
+  const text = Array.isArray(value) ? `${value.length} values` : (JSON.stringify(value) ?? 'nothing');
+  return text.length > 60 ? `${text.slice(0, 60)}...` : text;
 }
 
-/** An error for a file of another kind, of a newer version, or larger than readers allow. */
-export function unsupported(what: string): SceneError {
-  return new SceneError('unsupported', what);
+/**
+ * Throws SceneError unless something holds; the message says what was found and what was expected. `kind` as in SceneError.
+ */
+export function check(
+  holds: boolean,
+  what: string,
+  found: unknown,
+  expected: unknown,
+  kind: SceneError['kind'] = 'invalid',
+): asserts holds {
+  if (!holds) throw new SceneError(kind, `${what}: found ${shown(found)}, expected ${expected}`);
 }
 
-/** A text of the file for a message: short, quoted, and without control characters. */
-export function quoted(text: unknown): string {
-  const shown = JSON.stringify(text) ?? String(text);
-  return shown.length > 60 ? `${shown.slice(0, 60)}...` : shown;
+/** Throws SceneError unless a file has only what is supported here. */
+export function support(holds: boolean, what: string, found: unknown, supported: unknown): asserts holds {
+  check(holds, what, found, supported, 'unsupported');
 }

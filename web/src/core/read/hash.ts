@@ -11,64 +11,57 @@ const PIECE = 1024;
  */
 export function contentHash(parts: readonly Splats[], info: Pick<SceneInfo, 'near' | 'filter'>): string {
   const hasher = new Xxh3();
-  const add = (array: ArrayBufferView): void => void hasher.update(new Uint8Array(array.buffer, array.byteOffset, array.byteLength));
-  /** Adds an array of `width` numbers a splat, turned. */
-  const turned = (name: 'positions' | 'rotations', width: number, turn: (from: Float32Array, at: number, to: Float32Array, place: number) => void): void => {
+  const add = (array: ArrayBufferView): void => {
+    hasher.update(new Uint8Array(array.buffer, array.byteOffset, array.byteLength));
+  };
+  /** Adds numbers that `put` writes, at most `width` a splat; it returns the place behind them. */
+  const turned = (width: number, put: (part: Splats, i: number, out: Float32Array, at: number) => number): void => {
     const piece = new Float32Array(PIECE * width);
-    for (const { count, [name]: array } of parts) {
-      for (let first = 0; first < count; first += PIECE) {
-        const end = Math.min(first + PIECE, count);
-        for (let i = first; i < end; i += 1) turn(array, width * i, piece, width * (i - first));
-        add(piece.subarray(0, width * (end - first)));
+    for (const part of parts) {
+      for (let i = 0; i < part.count; ) {
+        let end = 0;
+        for (const stop = Math.min(i + PIECE, part.count); i < stop; i += 1) end = put(part, i, piece, end);
+        add(piece.subarray(0, end));
       }
     }
   };
   add(Uint32Array.of(parts.reduce((sum, part) => sum + part.count, 0), info.filter === 'ewa' ? 1 : 0));
   add(Float32Array.of(info.near));
-  turned('positions', 3, (from, at, to, place) => {
-    to[place] = from[at];
-    to[place + 1] = -from[at + 1];
-    to[place + 2] = -from[at + 2];
+  turned(3, ({ positions }, i, out, at) => {
+    out[at] = positions[3 * i];
+    out[at + 1] = -positions[3 * i + 1];
+    out[at + 2] = -positions[3 * i + 2];
+    return at + 3;
   });
-  turned('rotations', 4, (from, at, to, place) => {
+  turned(4, ({ rotations }, i, out, at) => {
     // wxyz with y down from xyzw with y up.
-    to[place] = from[at];
-    to[place + 1] = -from[at + 3];
-    to[place + 2] = from[at + 2];
-    to[place + 3] = -from[at + 1];
+    out[at] = rotations[4 * i];
+    out[at + 1] = -rotations[4 * i + 3];
+    out[at + 2] = rotations[4 * i + 2];
+    out[at + 3] = -rotations[4 * i + 1];
+    return at + 4;
   });
-  for (const part of parts) add(part.scales);
-  for (const part of parts) add(part.opacities);
-  for (const part of parts) add(part.shDegrees);
-  for (const part of parts) addSh(part, add);
-  for (const part of parts) addMaps(part, add);
+  for (const name of ['scales', 'opacities', 'shDegrees'] as const) for (const part of parts) add(part[name]);
+  let from = 0;
+  turned(48, ({ shDegrees, sh }, i, out, at) => {
+    if (i === 0) from = 0;
+    for (const end = at + shWidth(shDegrees[i]), first = at; at < end; at += 1, from += 1) {
+      out[at] = SH_SIGNS[Math.floor((at - first) / 3)] * sh[from];
+    }
+    return at;
+  });
+  const map = new DataView(new ArrayBuffer(16));
+  for (const { count, rows, cols, texelSizes, shifts } of parts) {
+    for (let i = 0; i < count; i += 1) {
+      map.setUint16(0, rows[i], true);
+      map.setUint16(2, cols[i], true);
+      for (let axis = 0; axis < 2; axis += 1) {
+        map.setFloat32(4 + 4 * axis, texelSizes[2 * i + axis], true);
+        map.setInt16(12 + 2 * axis, shifts[2 * i + axis], true);
+      }
+      add(map);
+    }
+  }
   for (const part of parts) add(part.texels);
   return hasher.hex();
-}
-
-function addSh({ count, shDegrees, sh }: Splats, add: (array: ArrayBufferView) => void): void {
-  const one = new Float32Array(48);
-  for (let i = 0, at = 0; i < count; i += 1) {
-    const width = shWidth(shDegrees[i]);
-    for (let k = 0; k < width; k += 3) {
-      const sign = SH_SIGNS[k / 3];
-      for (let c = k; c < k + 3; c += 1) one[c] = sign * sh[at + c];
-    }
-    add(one.subarray(0, width));
-    at += width;
-  }
-}
-
-function addMaps({ count, rows, cols, texelSizes, shifts }: Splats, add: (array: ArrayBufferView) => void): void {
-  const bytes = new ArrayBuffer(16);
-  const view = new DataView(bytes);
-  for (let i = 0; i < count; i += 1) {
-    view.setUint16(0, rows[i], true);
-    view.setUint16(2, cols[i], true);
-    view.setFloat32(4, texelSizes[2 * i], true);
-    view.setFloat32(8, texelSizes[2 * i + 1], true);
-    view.setInt16(12, shifts[2 * i], true);
-    view.setInt16(14, shifts[2 * i + 1], true);
-    add(view);
-  }
 }

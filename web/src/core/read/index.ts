@@ -1,69 +1,31 @@
 import type { SceneInfo } from '../scene';
-import { unsupported } from './errors';
-import { GlbReader } from './gltf/reader';
-import { LtgsReader } from './ltgs/reader';
-import type { ReaderOptions } from './options';
-import { formatOf } from './sniff';
+import { support } from './errors';
+import { readGlb } from './gltf/read';
+import { readLtgs } from './ltgs/read';
+import type { ReadOptions } from './options';
+import { HEAD_BYTES, nameOf } from './sniff';
+import { openSource } from './source';
 
+export type { ReadOptions } from './options';
 export { SceneSplats, concatenate } from './splats';
-export type { ReaderOptions } from './options';
-
-export interface ReadOptions extends ReaderOptions {
-  /** Bytes of the file, if they are known before it has arrived. */
-  readonly fileBytes?: number;
-  readonly signal?: AbortSignal;
-}
-
-/** Milliseconds of work after which others get their turn. */
-const TURN_MS = 12;
 
 /**
  * Reads a `.ltgs` file (`exporters/schema/ltgs.md`) or a `.glb` file of splats (`exporters/schema/gltf.md`).
  *
- * Rejects with SceneError for a file that is damaged or of another kind, and with the reason of `signal` if that is aborted.
- * Updates that came before an error can be shown.
+ * Rejects with SceneError for a file that is damaged or of another kind, with the reason of `signal` if that is aborted, and
+ * with the error of a stream that fails. What was given in updates before can be shown.
  */
-export async function readScene(source: ArrayBuffer | Uint8Array | ReadableStream<Uint8Array>, options: ReadOptions = {}): Promise<SceneInfo> {
-  const { signal } = options;
-  const pieces = piecesOf(source);
-  let reader: LtgsReader | GlbReader | null = null;
-  let turn = performance.now();
-  for await (const piece of pieces) {
-    signal?.throwIfAborted();
-    if (reader === null) {
-      const format = formatOf(piece);
-      if (typeof format !== 'string') throw unsupported(`this is ${format.other}; supported: .ltgs and .glb`);
-      reader = format === 'ltgs' ? new LtgsReader(options) : new GlbReader(options);
-    }
-    reader.push(piece);
-    while (await reader.step()) {
-      if (performance.now() - turn > TURN_MS) {
-        await new Promise((resolve) => setTimeout(resolve));
-        signal?.throwIfAborted();
-        turn = performance.now();
-      }
-    }
-    reader.show();
-    if (reader.isDone) break;
-  }
-  if (reader === null) throw unsupported('the file is empty');
-  reader.end();
-  return reader.info!;
-}
-
-async function* piecesOf(source: ArrayBuffer | Uint8Array | ReadableStream<Uint8Array>): AsyncGenerator<Uint8Array> {
-  if (!(source instanceof ReadableStream)) {
-    yield source instanceof Uint8Array ? source : new Uint8Array(source);
-    return;
-  }
-  const reader = source.getReader();
+export async function readScene(
+  from: ArrayBuffer | Uint8Array | ReadableStream<Uint8Array>,
+  options: ReadOptions = {},
+): Promise<SceneInfo> {
+  const { source, close } = openSource(from, options.signal);
   try {
-    for (;;) {
-      const { done, value } = await reader.read();
-      if (done) return;
-      yield value;
-    }
+    const head = await source.peek(HEAD_BYTES);
+    const magic = String.fromCharCode(...head.subarray(0, 4));
+    support(magic === 'LTGS' || magic === 'glTF', 'file', nameOf(head), '.ltgs or .glb');
+    return await (magic === 'LTGS' ? readLtgs : readGlb)(source, options);
   } finally {
-    await reader.cancel();
+    close();
   }
 }

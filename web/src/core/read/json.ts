@@ -1,62 +1,71 @@
-import { invalid, quoted } from './errors';
+import { check } from './errors';
 
 /** A JSON object of a file, whose members are not checked yet. */
 export type Json = Readonly<Record<string, unknown>>;
 
-const typeOf = (value: unknown): string => (value === undefined ? 'nothing' : value === null ? 'null' : Array.isArray(value) ? 'a list' : typeof value);
+/** Most objects and values in a text: parsed ones take up to a hundred times the memory. */
+const OBJECTS_MAX = 2 ** 17;
+const VALUES_MAX = 2 ** 21;
 
-function wrong(name: string, value: unknown, expected: string): Error {
-  const found = typeof value === 'number' || typeof value === 'string' ? quoted(value) : typeOf(value);
-  return invalid(`${name}: found ${found}, expected ${expected}`);
-}
-
-/** Parses a text as one JSON object. `name` is for messages, as in all functions here. */
-export function parseJson(text: string | null, name: string): Json {
-  if (text === null) throw invalid(`${name}: not a text of UTF-8`);
+/** Parses UTF-8 as one JSON object. `name` is for messages, as in all functions here. */
+export function parseJson(bytes: Uint8Array, name: string): Json {
+  let objects = 0;
+  let values = 0;
+  for (const byte of bytes) {
+    if (byte === 0x7b) objects += 1;
+    else if (byte === 0x2c || byte === 0x5b) values += 1;
+  }
+  check(objects <= OBJECTS_MAX && values <= VALUES_MAX, `${name}: objects and values`, objects + values, `fewer`);
   let value: unknown;
   try {
-    value = JSON.parse(text);
+    value = JSON.parse(new TextDecoder('utf-8', { fatal: true }).decode(bytes));
   } catch (error) {
-    throw invalid(`${name}: ${error instanceof Error ? error.message.slice(0, 100) : 'not JSON'}`);
+    check(false, name, String(error), 'JSON');
   }
   return objectOf(value, name);
 }
 
 export function objectOf(value: unknown, name: string): Json {
-  if (typeOf(value) !== 'object') throw wrong(name, value, 'an object');
+  check(typeof value === 'object' && value !== null && !Array.isArray(value), name, value, 'an object');
   return value as Json;
 }
 
 export function listOf(value: unknown, name: string): readonly unknown[] {
-  if (!Array.isArray(value)) throw wrong(name, value, 'a list');
+  check(Array.isArray(value), name, value, 'a list');
   return value;
+}
+
+/** A member of an object; undefined if there is none, or no object. */
+export function memberOf(value: unknown, name: string): unknown {
+  return (value as Json | null | undefined)?.[name];
 }
 
 export function textOf(value: unknown, name: string): string {
-  if (typeof value !== 'string') throw wrong(name, value, 'a text');
+  check(typeof value === 'string', name, value, 'a text');
   return value;
 }
 
-export function numberOf(value: unknown, name: string): number {
-  if (typeof value !== 'number' || !Number.isFinite(value)) throw wrong(name, value, 'a finite number');
+/** A finite number. */
+export function numberOf(value: unknown, name: string, least = -Infinity, most = Infinity): number {
+  const fits = typeof value === 'number' && Number.isFinite(value) && value >= least && value <= most;
+  check(fits, name, value, `a number from ${least} to ${most}`);
   return value;
 }
 
-/** A whole number from 0 to `most`. */
-export function wholeOf(value: unknown, name: string, most = Number.MAX_SAFE_INTEGER): number {
-  if (!Number.isInteger(value) || (value as number) < 0 || (value as number) > most) throw wrong(name, value, `a whole number up to ${most}`);
-  return value as number;
+/** A whole number. */
+export function wholeOf(value: unknown, name: string, most = 2 ** 53): number {
+  check(Number.isInteger(value), name, value, 'a whole number');
+  return numberOf(value, name, 0, most);
 }
 
 /** A list of `count` finite numbers. */
-export function numbersOf(value: unknown, name: string, count: number): number[] {
+export function numbersOf(value: unknown, name: string, count: number, least?: number, most?: number): number[] {
   const list = listOf(value, name);
-  if (list.length !== count) throw wrong(name, list.length, `${count} numbers`);
-  return list.map((number) => numberOf(number, name));
+  check(list.length === count, name, list, `${count} numbers`);
+  return list.map((number) => numberOf(number, name, least, most));
 }
 
 export function choiceOf<T extends string>(value: unknown, name: string, choices: readonly T[]): T {
-  const found = choices.find((choice) => choice === value);
-  if (found === undefined) throw wrong(name, value, choices.join(' or '));
-  return found;
+  check(choices.includes(value as T), name, value, choices.join(' or '));
+  return value as T;
 }

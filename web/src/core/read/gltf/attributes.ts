@@ -1,8 +1,8 @@
 import type { Splats } from '../../scene';
-import { invalid, unsupported } from '../errors';
+import { check, support } from '../errors';
 import { type Json, objectOf } from '../json';
 import { F32_MIN } from '../ltgs/math';
-import { NO_SPLATS, shWidth } from '../splats';
+import { shWidth } from '../splats';
 import { type Accessor, type Document, F32, I16, I8, KHR, U16, U8, numbersAt } from './document';
 
 /** Where the attributes of splats lie (`gltf.md`, section 2). */
@@ -17,23 +17,24 @@ export interface Attributes {
   readonly sh: readonly Accessor[];
 }
 
-/** Thickness of a disc, as a share of the smaller other standard deviation. */
+/** Largest third axis of a disc of another program, as a share of the smaller other one. */
 const THICKNESS_MAX = 0.02;
 
-const shName = (degree: number, n: number): string => `${KHR}:SH_DEGREE_${degree}_COEF_${n}`;
+/** Names of the SH coefficients of degree 0 to 3. */
+const SH_NAMES = [0, 1, 2, 3].flatMap((l) => Array.from({ length: 2 * l + 1 }, (_, n) => `${KHR}:SH_DEGREE_${l}_COEF_${n}`));
 
 export function findAttributes(document: Document, primitive: Json): Attributes {
   const attributes = objectOf(primitive.attributes, 'attributes');
+  // Integers that the specification of KHR_gaussian_splatting and KHR_mesh_quantization allow, and whether they are normalised.
   const find = (name: string, width: number, integers: readonly number[] = [], normalised?: boolean): Accessor => {
-    const found = document.accessor(attributes[name], `attribute ${name}`);
+    const found = document.accessor(attributes[name], name);
     const isWhole = integers.includes(found.component) && (normalised ?? found.normalised) === found.normalised;
-    if (found.width !== width || !((found.component === F32 && !found.normalised) || isWhole)) {
-      throw invalid(`attribute ${name}: ${found.width} numbers of type ${found.component}, which the specification does not allow`);
-    }
+    const fits = found.width === width && ((found.component === F32 && !found.normalised) || isWhole);
+    check(fits, `type of ${name}`, found.component, `${F32} or ${integers.join(', ')}, ${width} numbers each`);
     return found;
   };
-  const degree = [3, 2, 1].find((l) => Array.from({ length: 2 * l + 1 }, (_, n) => shName(l, n)).some((name) => name in attributes)) ?? 0;
-  const names = Array.from({ length: degree + 1 }, (_, l) => Array.from({ length: 2 * l + 1 }, (_, n) => shName(l, n))).flat();
+  const last = SH_NAMES.findLastIndex((name) => name in attributes);
+  const degree = Math.floor(Math.sqrt(Math.max(last, 0)));
   const position = find('POSITION', 3, [I8, U8, I16, U16]);
   const found = {
     count: position.count,
@@ -42,57 +43,50 @@ export function findAttributes(document: Document, primitive: Json): Attributes 
     rotation: find(`${KHR}:ROTATION`, 4, [I8, I16], true),
     scale: find(`${KHR}:SCALE`, 3, [U8, U16]),
     opacity: find(`${KHR}:OPACITY`, 1, [U8, U16], true),
-    sh: names.map((name) => find(name, 3)),
+    sh: SH_NAMES.slice(0, shWidth(degree) / 3).map((name) => find(name, 3)),
   };
   for (const { count } of [found.rotation, found.scale, found.opacity, ...found.sh]) {
-    if (count !== found.count) throw invalid(`attributes of ${count} and of ${found.count} splats`);
+    check(count === found.count, 'splats of an attribute', count, found.count);
   }
   return found;
 }
 
-/** Reads attributes as splats without maps, of the same SH degree. `isOurs`: the third scale means nothing. */
+/** Reads attributes as splats without maps, all of the same SH degree. `isOurs`: the third scale means nothing. */
 export function readAttributes(bin: Uint8Array, attributes: Attributes, isOurs: boolean): Splats {
   const { count, degree } = attributes;
   const axes = numbersAt(bin, attributes.scale);
   const scales = new Float32Array(2 * count);
+  const rotations = numbersAt(bin, attributes.rotation);
   for (let i = 0; i < count; i += 1) {
     const [u, v, thickness] = axes.subarray(3 * i, 3 * i + 3);
-    if (!isOurs && !(thickness <= Math.max(THICKNESS_MAX * Math.min(u, v), F32_MIN))) {
-      throw unsupported(`splat ${i}: an ellipsoid of ${u} x ${v} x ${thickness}; supported: discs, whose third axis is at most ${THICKNESS_MAX} of the others`);
+    if (!isOurs) {
+      const most = Math.max(THICKNESS_MAX * Math.min(u, v), F32_MIN);
+      support(thickness <= most, `third axis of an ellipsoid of ${u} x ${v}`, thickness, `discs: at most ${most}`);
     }
-    // Other programs may store zeros.
-    scales[2 * i] = isOurs ? u : Math.max(u, F32_MIN);
-    scales[2 * i + 1] = isOurs ? v : Math.max(v, F32_MIN);
+    scales.set([u, v], 2 * i);
+    const norm = Math.hypot(...rotations.subarray(4 * i, 4 * i + 4));
+    // Quaternions of integers; others keep their bits.
+    if (Math.abs(norm - 1) > 1e-5 && Math.abs(norm - 1) < 0.05) for (let k = 4 * i; k < 4 * i + 4; k += 1) rotations[k] /= norm;
   }
-  const opacities = numbersAt(bin, attributes.opacity);
-  const width = shWidth(degree);
-  const sh = new Float32Array(width * count);
+  const sh = new Float32Array(shWidth(degree) * count);
   attributes.sh.forEach((accessor, k) => {
     const values = numbersAt(bin, accessor);
-    for (let i = 0; i < count; i += 1) for (let c = 0; c < 3; c += 1) sh[width * i + 3 * k + c] = values[3 * i + c];
+    for (let i = 0; i < count; i += 1) sh.set(values.subarray(3 * i, 3 * i + 3), shWidth(degree) * i + 3 * k);
   });
+  // Other programs may store zeros.
+  const positive = (values: Float32Array): Float32Array => (isOurs ? values : values.map((v) => Math.max(v, F32_MIN)));
   return {
-    ...NO_SPLATS,
     count,
     positions: numbersAt(bin, attributes.position),
-    rotations: unitRotations(numbersAt(bin, attributes.rotation)),
-    scales,
-    opacities: isOurs ? opacities : opacities.map((opacity) => Math.max(opacity, F32_MIN)),
+    rotations,
+    scales: positive(scales),
+    opacities: positive(numbersAt(bin, attributes.opacity)),
     shDegrees: new Uint8Array(count).fill(degree),
     sh,
     rows: new Uint16Array(count),
     cols: new Uint16Array(count),
     texelSizes: new Float32Array(2 * count),
     shifts: new Int16Array(2 * count),
+    texels: new Float32Array(0),
   };
-}
-
-/** Quaternions of integers made unit ones; others keep their bits. */
-function unitRotations(rotations: Float32Array): Float32Array {
-  for (let i = 0; i < rotations.length; i += 4) {
-    const norm = Math.hypot(...rotations.subarray(i, i + 4));
-    const off = Math.abs(norm - 1);
-    if (off > 1e-5 && off <= 0.05) for (let k = i; k < i + 4; k += 1) rotations[k] /= norm;
-  }
-  return rotations;
 }

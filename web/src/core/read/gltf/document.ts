@@ -1,5 +1,4 @@
-import { viewOf } from '../bytes';
-import { invalid, quoted, unsupported } from '../errors';
+import { check, support } from '../errors';
 import { type Json, listOf, objectOf, textOf, wholeOf } from '../json';
 
 export const KHR = 'KHR_gaussian_splatting';
@@ -8,15 +7,32 @@ export const EXTENSION = 'LITETEX_gaussian_splatting_texture';
 /** Extensions that a file may require. */
 const UNDERSTOOD = [KHR, EXTENSION, 'KHR_mesh_quantization', 'KHR_materials_unlit'];
 
-/** Bytes of a number by `componentType`. */
-const COMPONENT_BYTES: Readonly<Record<number, number>> = { 5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4 };
+/** Most splats. */
+const COUNT_MAX = 2 ** 24;
+
+type Numbers = Int8Array | Uint8Array | Int16Array | Uint16Array | Uint32Array | Float32Array;
+
+/** Arrays by `componentType`. */
+const KINDS: Readonly<Record<string, { readonly BYTES_PER_ELEMENT: number; new (buffer: ArrayBuffer): Numbers }>> = {
+  5120: Int8Array,
+  5121: Uint8Array,
+  5122: Int16Array,
+  5123: Uint16Array,
+  5125: Uint32Array,
+  5126: Float32Array,
+};
 export const I8 = 5120;
 export const U8 = 5121;
 export const I16 = 5122;
 export const U16 = 5123;
 export const F32 = 5126;
 
-const WIDTHS: Readonly<Record<string, number>> = { SCALAR: 1, VEC2: 2, VEC3: 3, VEC4: 4 };
+/** Where bytes lie in the binary chunk. */
+export interface View {
+  readonly offset: number;
+  readonly bytes: number;
+  readonly stride: unknown;
+}
 
 /** Where an array lies in the binary chunk. */
 export interface Accessor {
@@ -26,12 +42,12 @@ export interface Accessor {
   readonly width: number;
   /** Elements. */
   readonly count: number;
-  /** Of the first element in the binary chunk, and bytes from one to the next. */
+  /** Of the first element, and bytes from one to the next. */
   readonly offset: number;
   readonly stride: number;
 }
 
-/** The JSON of a `.glb`, whose look-ups are checked. */
+/** The JSON of a `.glb`, whose look-ups are checked. Names are for messages. */
 export class Document {
   /** `binBytes`: bytes of the binary chunk. */
   constructor(
@@ -39,84 +55,63 @@ export class Document {
     private readonly binBytes: number,
   ) {
     const asset = objectOf(root.asset, 'asset');
-    const version = asset.minVersion ?? asset.version;
-    if (version !== '2.0' && !(asset.minVersion === undefined && /^2\./.test(String(version)))) {
-      throw unsupported(`glTF of version ${quoted(version)}, supported: 2.0`);
-    }
+    const version = String(asset.minVersion ?? asset.version);
+    support(asset.minVersion === undefined ? version.startsWith('2.') : version === '2.0', 'version of glTF', version, '2.0');
     for (const name of this.list('extensionsRequired')) {
-      if (!UNDERSTOOD.includes(name as string)) throw unsupported(`the file requires the extension ${quoted(name)}`);
+      support(UNDERSTOOD.includes(name as string), 'required extension', name, UNDERSTOOD.join());
     }
   }
 
   /** A list of the root; empty if it is absent. */
   list(name: string): readonly unknown[] {
-    return this.root[name] === undefined ? [] : listOf(this.root[name], name);
+    return listOf(this.root[name] ?? [], name);
   }
 
   /** An object of a list of the root. */
-  at(name: string, index: unknown, user: string): Json {
-    const list = this.list(name);
-    const place = wholeOf(index, user);
-    if (place >= list.length) throw invalid(`${user}: ${name} ${place} of ${list.length}`);
-    return objectOf(list[place], `${name}[${place}]`);
+  at(list: string, index: unknown, name: string): Json {
+    const all = this.list(list);
+    return objectOf(all[wholeOf(index, name, all.length - 1)], name);
   }
 
-  /** Where a buffer view lies in the binary chunk. */
-  view(index: unknown, user: string): { readonly offset: number; readonly bytes: number; readonly stride: number | undefined } {
-    const view = this.at('bufferViews', index, user);
-    const buffer = this.at('buffers', view.buffer, user);
-    if (buffer.uri !== undefined) throw unsupported(`${user}: a buffer in another file; pack all into one .glb file`);
-    if (view.buffer !== 0) throw invalid(`${user}: buffer ${quoted(view.buffer)} has no bytes`);
-    const declared = wholeOf(buffer.byteLength, `${user}: byteLength`);
-    if (declared > this.binBytes) throw invalid(`a buffer of ${declared} bytes, found ${this.binBytes}: data are missing`);
-    const offset = wholeOf(view.byteOffset ?? 0, `${user}: byteOffset`);
-    const bytes = wholeOf(view.byteLength, `${user}: byteLength`);
-    if (offset + bytes > declared) throw invalid(`${user}: ${bytes} bytes from byte ${offset} of a buffer of ${declared}`);
-    return { offset, bytes, stride: view.byteStride === undefined ? undefined : wholeOf(view.byteStride, `${user}: byteStride`) };
+  view(index: unknown, name: string): View {
+    const view = this.at('bufferViews', index, name);
+    const buffer = this.at('buffers', view.buffer, name);
+    support(buffer.uri === undefined, name, 'a buffer in another file', 'all in one .glb file');
+    const declared = wholeOf(buffer.byteLength, name);
+    const offset = wholeOf(view.byteOffset ?? 0, name);
+    const bytes = wholeOf(view.byteLength, name);
+    const end = Math.min(declared, this.binBytes);
+    check(view.buffer === 0 && declared <= this.binBytes && offset + bytes <= end, `end of ${name}`, offset + bytes, `at most ${end}`);
+    return { offset, bytes, stride: view.byteStride };
   }
 
-  /** Where the elements of an accessor lie. */
-  accessor(index: unknown, user: string): Accessor {
-    const accessor = this.at('accessors', index, user);
-    if (accessor.sparse !== undefined || accessor.bufferView === undefined) throw unsupported(`${user}: an accessor that is sparse or without bufferView`);
-    const view = this.view(accessor.bufferView, user);
-    const component = wholeOf(accessor.componentType, `${user}: componentType`);
-    const size = COMPONENT_BYTES[component];
-    const width = WIDTHS[textOf(accessor.type, `${user}: type`)];
-    if (size === undefined || width === undefined) throw invalid(`${user}: unknown type ${component} ${quoted(accessor.type)}`);
-    const count = wholeOf(accessor.count, `${user}: count`, 2 ** 24);
-    const stride = view.stride ?? size * width;
-    if (count < 1 || stride < size * width || stride > Math.max(252, size * width)) throw invalid(`${user}: ${count} elements at a stride of ${stride} bytes`);
-    const offset = wholeOf(accessor.byteOffset ?? 0, `${user}: byteOffset`);
-    const needed = offset + stride * (count - 1) + size * width;
-    if (needed > view.bytes) throw invalid(`${user}: ${needed} bytes, its view has ${view.bytes}: data are missing`);
+  accessor(index: unknown, name: string): Accessor {
+    const accessor = this.at('accessors', index, name);
+    support(accessor.sparse === undefined && accessor.bufferView !== undefined, name, 'a sparse accessor', 'plain ones');
+    const view = this.view(accessor.bufferView, name);
+    const component = wholeOf(accessor.componentType, name);
+    const type = textOf(accessor.type, name);
+    const width = ['', 'SCALAR', 'VEC2', 'VEC3', 'VEC4'].indexOf(type);
+    check(component in KINDS && width > 0, `type of ${name}`, `${component} ${type}`, 'numbers or vectors');
+    const size = width * KINDS[component].BYTES_PER_ELEMENT;
+    const stride = wholeOf(view.stride ?? size, name, Math.max(252, size));
+    const count = wholeOf(accessor.count, name, COUNT_MAX);
+    const offset = wholeOf(accessor.byteOffset ?? 0, name);
+    const end = offset + stride * (count - 1) + size;
+    check(count > 0 && stride >= size && end <= view.bytes, `bytes of ${name}`, view.bytes, `at least ${end}`);
     return { component, normalised: accessor.normalized === true, width, count, offset: view.offset + offset, stride };
   }
 }
 
-/** What stands for 1 in normalised integers. */
-const ONES: Readonly<Record<number, number>> = { [I8]: 127, [U8]: 255, [I16]: 32767, [U16]: 65535 };
-
-/** The first `width` numbers of each element; floats as they are, normalised integers as -1 to 1 or 0 to 1. */
-export function numbersAt(bin: Uint8Array, accessor: Accessor, width = accessor.width): Float32Array {
-  const { component, normalised, count, offset, stride } = accessor;
-  const view = viewOf(bin);
-  const size = COMPONENT_BYTES[component];
-  const out = new Float32Array(count * width);
-  const one = normalised ? (ONES[component] ?? 1) : 1;
-  const read = {
-    [I8]: (at: number) => view.getInt8(at),
-    [U8]: (at: number) => view.getUint8(at),
-    [I16]: (at: number) => view.getInt16(at, true),
-    [U16]: (at: number) => view.getUint16(at, true),
-    5125: (at: number) => view.getUint32(at, true),
-    [F32]: (at: number) => view.getFloat32(at, true),
-  }[component]!;
-  for (let i = 0, to = 0; i < count; i += 1) {
-    for (let k = 0, at = offset + stride * i; k < width; k += 1, at += size, to += 1) {
-      const value = read(at);
-      out[to] = one === 1 ? value : Math.max(value / one, -1);
-    }
-  }
-  return out;
+/** The numbers of all elements; floats bit for bit, normalised integers as -1 to 1 or 0 to 1. */
+export function numbersAt(bin: Uint8Array, { component, normalised, width, count, offset, stride }: Accessor): Float32Array {
+  const Kind = KINDS[component];
+  const size = width * Kind.BYTES_PER_ELEMENT;
+  const packed = new Uint8Array(size * count);
+  for (let i = 0, at = offset; i < count; i += 1, at += stride) packed.set(bin.subarray(at, at + size), size * i);
+  const numbers = new Kind(packed.buffer);
+  if (numbers instanceof Float32Array) return numbers;
+  // The largest number stands for 1.
+  const one = normalised ? 2 ** (8 * Kind.BYTES_PER_ELEMENT - (component === I8 || component === I16 ? 1 : 0)) - 1 : 1;
+  return Float32Array.from(numbers, (value) => (normalised ? Math.max(value / one, -1) : value));
 }

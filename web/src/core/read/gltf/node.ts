@@ -1,5 +1,5 @@
-import { invalid, unsupported } from '../errors';
-import { numbersOf, objectOf, wholeOf } from '../json';
+import { check, support } from '../errors';
+import { listOf, numbersOf, objectOf, wholeOf } from '../json';
 import { type Matrix, fromParts, product } from '../transform';
 import type { Document } from './document';
 
@@ -8,51 +8,45 @@ const TOLERANCE = 1e-5;
 
 /** `world_from_data`: the transform of the only node with a mesh; null if no node shows it (`gltf.md`, section 4). */
 export function worldFromMesh(document: Document, mesh: number): Matrix | null {
-  const nodes = document.list('nodes').map((node, i) => objectOf(node, `nodes[${i}]`));
-  const parents = new Array<number | undefined>(nodes.length);
-  nodes.forEach((node, i) => {
-    for (const child of Array.isArray(node.children) ? node.children : []) {
-      const place = wholeOf(child, `nodes[${i}].children`, nodes.length - 1);
-      if (parents[place] !== undefined) throw invalid(`node ${place} has two parents`);
-      parents[place] = i;
+  const nodes = document.list('nodes').map((node) => objectOf(node, 'node'));
+  const parents: number[] = [];
+  nodes.forEach(({ children }, parent) => {
+    for (const child of listOf(children ?? [], 'children')) {
+      const place = wholeOf(child, 'child', nodes.length - 1);
+      check(parents[place] === undefined, 'parents of a node', 2, 1);
+      parents[place] = parent;
     }
   });
-  const showing = [...nodes.keys()].filter((i) => nodes[i].mesh === mesh);
-  if (showing.length > 1) throw unsupported(`${showing.length} nodes show the splats, supported: one`);
+  const showing = nodes.flatMap((node, i) => (node.mesh === mesh ? [i] : []));
+  support(showing.length < 2, 'nodes of the splats', showing.length, 1);
   if (showing.length === 0) return null;
-  let world: Matrix | null = null;
   let at: number | undefined = showing[0];
-  for (let depth = 0; at !== undefined; depth += 1) {
-    if (depth > nodes.length) throw invalid('nodes that are their own ancestors');
-    const own = parentFromNode(nodes[at], `nodes[${at}]`);
-    world = world === null ? own : product(own, world);
-    at = parents[at];
+  let world = parentFromNode(nodes[at]);
+  for (let depth = 0; (at = parents[at]) !== undefined; depth += 1) {
+    check(depth < nodes.length, 'ancestors of a node', 'itself', 'others');
+    world = product(parentFromNode(nodes[at]), world);
   }
-  checkSimilarity(world!);
+  checkSimilarity(world);
   return world;
 }
 
-function parentFromNode(node: Readonly<Record<string, unknown>>, name: string): Matrix {
-  const { matrix, translation, rotation, scale } = node;
-  if (matrix !== undefined) {
-    if (translation !== undefined || rotation !== undefined || scale !== undefined) throw invalid(`${name}: a matrix and other transforms`);
-    return numbersOf(matrix, `${name}.matrix`, 16);
-  }
-  const [x, y, z, w] = rotation === undefined ? [0, 0, 0, 1] : numbersOf(rotation, `${name}.rotation`, 4);
-  if (Math.abs(Math.hypot(x, y, z, w) - 1) > 1e-2) throw unsupported(`${name}: its rotation is not a unit quaternion`);
-  const scales = scale === undefined ? [1, 1, 1] : numbersOf(scale, `${name}.scale`, 3);
-  return fromParts([w, x, y, z], scales, translation === undefined ? [0, 0, 0] : numbersOf(translation, `${name}.translation`, 3));
+function parentFromNode({ matrix, translation, rotation, scale }: Readonly<Record<string, unknown>>): Matrix {
+  if (matrix !== undefined) return numbersOf(matrix, 'matrix', 16);
+  const [x, y, z, w] = numbersOf(rotation ?? [0, 0, 0, 1], 'rotation', 4);
+  const norm = Math.hypot(x, y, z, w);
+  support(Math.abs(norm - 1) < 1e-2, 'norm of the rotation of a node', norm, 1);
+  return fromParts([w, x, y, z], numbersOf(scale ?? [1, 1, 1], 'scale', 3), numbersOf(translation ?? [0, 0, 0], 'translation', 3));
 }
 
 /** Checks that a matrix is a rotation times a positive uniform scale, with a translation. */
 function checkSimilarity(m: Matrix): void {
-  const columns = [0, 4, 8].map((c) => m.slice(c, c + 3));
-  const dot = (a: readonly number[], b: readonly number[]): number => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-  const lengths = columns.map((column) => Math.sqrt(dot(column, column)));
-  const [x, y, z] = columns.map((column, i) => column.map((value) => value / lengths[i]));
-  const across = [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
-  const off = [lengths[1] / lengths[0] - 1, lengths[2] / lengths[0] - 1, dot(x, y), dot(y, z), dot(x, z), dot(across, z) - 1, m[3], m[7], m[11], m[15] - 1];
-  if (!m.every(Number.isFinite) || !off.every((value) => Math.abs(value) <= TOLERANCE)) {
-    throw unsupported('the node of the splats: its transform is not a rotation, a positive uniform scale and a translation');
-  }
+  const scale = Math.hypot(m[0], m[1], m[2]);
+  const [a, b, c, , d, e, f, , g, h, i] = m.map((value) => value / scale);
+  // The third axis is that of a rotation with the first two, and these are of equal lengths and at right angles.
+  const off = [
+    b * f - c * e - g, c * d - a * f - h, a * e - b * d - i, d * d + e * e + f * f - 1, a * d + b * e + c * f,
+    m[3], m[7], m[11], m[15] - 1,
+  ];
+  const isSimilar = m.every(Number.isFinite) && off.every((value) => Math.abs(value) <= TOLERANCE);
+  support(isSimilar, 'transform of the node', m, 'a rotation, a positive uniform scale and a translation');
 }

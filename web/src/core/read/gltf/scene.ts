@@ -1,6 +1,6 @@
 import type { SceneInfo } from '../../scene';
-import { invalid, quoted, unsupported } from '../errors';
-import { type Json, choiceOf, objectOf, textOf, wholeOf } from '../json';
+import { check, support } from '../errors';
+import { type Json, choiceOf, memberOf, objectOf, textOf, wholeOf } from '../json';
 import { COLOUR_SPACES, type Meta, readMeta } from '../meta';
 import { IDENTITY } from '../transform';
 import { type Attributes, findAttributes } from './attributes';
@@ -15,77 +15,59 @@ export interface Found {
   readonly attributes: Attributes;
   /** Our extension; null without one that can be read. */
   readonly ours: Json | null;
-  /** Whether the third scale means nothing: the file is ours. */
+  /** Whether the file was written as ours, so that the third scale means nothing. */
   readonly isOurs: boolean;
   readonly untextured: string | null;
   readonly colourSpace: SceneInfo['colourSpace'];
-  /** Place of the splats in the file's frame; null: not stated. */
+  /** By the node; null if no node shows the splats. */
   readonly worldFromData: SceneInfo['worldFromData'] | null;
-  /** What to say of a file without our extension. */
-  readonly meta: Meta;
-}
-
-interface Place {
-  readonly mesh: number;
-  readonly primitive: Json;
 }
 
 /** Finds the only primitive of splats. */
 export function findScene(document: Document): Found {
-  const { mesh, primitive } = onlyPrimitive(document);
-  if (primitive.mode !== 0) throw invalid(`splats of mode ${quoted(primitive.mode)}, expected 0 (POINTS)`);
-  const splatting = objectOf(objectOf(primitive.extensions, 'extensions')[KHR], KHR);
-  const ours = memberOf(splatting.extensions, EXTENSION);
-  const version = ours === undefined ? undefined : wholeOf(objectOf(ours, EXTENSION).version, `${EXTENSION}: version`);
-  const digest = digestOf(primitive);
-  const colourSpace = choiceOf(splatting.colorSpace, `${KHR}: colorSpace`, COLOUR_SPACES);
+  const primitives = document.list('meshes').flatMap((mesh, i) => {
+    const { primitives: own } = objectOf(mesh, 'mesh');
+    return Array.isArray(own) ? own.map((primitive) => ({ mesh: i, primitive: objectOf(primitive, 'primitive') })) : [];
+  });
+  const splatting = (primitive: Json): unknown => memberOf(primitive.extensions, KHR);
+  const ofSplats = primitives.filter(({ primitive }) => splatting(primitive) !== undefined);
+  const lost = primitives.flatMap(({ primitive }) => lossOf(primitive) ?? []);
+  check(ofSplats.length > 0 || lost.length === 0, 'primitives of splats', lost[0], KHR);
+  support(ofSplats.length === 1, `primitives with ${KHR}`, ofSplats.length, 1);
+  const { mesh, primitive } = ofSplats[0];
+  check(primitive.mode === 0, 'mode of splats', primitive.mode, '0 (POINTS)');
+  const khr = objectOf(splatting(primitive), KHR);
+  const ours = memberOf(khr.extensions, EXTENSION);
+  const version = ours === undefined ? null : wholeOf(objectOf(ours, EXTENSION).version, 'version');
+  const loss = lossOf(primitive);
   const isRead = version === VERSION;
   return {
     attributes: findAttributes(document, primitive),
     ours: isRead ? (ours as Json) : null,
-    isOurs: version !== undefined || digest !== null,
-    untextured: isRead ? null : version !== undefined ? `the textures are of version ${version}, this reader knows version ${VERSION}` : digest,
-    colourSpace,
+    isOurs: version !== null || loss !== null,
+    untextured: isRead ? null : version === null ? loss : `textures of version ${version}, this reader knows version ${VERSION}`,
+    colourSpace: choiceOf(khr.colorSpace, 'colorSpace', COLOUR_SPACES),
     worldFromData: worldFromMesh(document, mesh),
-    meta: foreignMeta(document, colourSpace),
   };
 }
 
-/** Our extension's `meta`, which must name the colour space of KHR_gaussian_splatting. */
-export function ownMeta(found: Found): Meta {
-  const meta = found.ours === null ? found.meta : readMeta(found.ours.meta);
-  if (meta.colourSpace !== found.colourSpace) throw invalid(`${KHR}: colorSpace ${found.colourSpace}, the metadata say ${meta.colourSpace}`);
-  return { ...meta, worldFromData: found.worldFromData ?? meta.worldFromData };
-}
-
-function onlyPrimitive(document: Document): Place {
-  const places = document.list('meshes').flatMap((mesh, i) => {
-    const { primitives } = objectOf(mesh, `meshes[${i}]`);
-    return (Array.isArray(primitives) ? primitives : []).map((primitive): Place => ({ mesh: i, primitive: objectOf(primitive, 'primitive') }));
-  });
-  const ofSplats = places.filter(({ primitive }) => memberOf(primitive.extensions, KHR) !== undefined);
-  if (ofSplats.length > 1) throw unsupported(`${ofSplats.length} primitives of splats, supported: one`);
-  if (ofSplats.length === 1) return ofSplats[0];
-  const lost = places.map(({ primitive }) => digestOf(primitive)).find((digest) => digest !== null);
-  throw lost ? invalid(`no splats: ${lost}`) : unsupported(`no primitive with ${KHR}: not a file of splats`);
-}
-
-/** What the digest in `extras` tells once our extension is gone; null without a digest (section 9). */
-function digestOf(primitive: Json): string | null {
-  const digest = memberOf(primitive.extras, 'litetex') as Json | undefined;
+/** What the digest in `extras` tells if our extension is gone; null without a digest (section 9). */
+function lossOf({ extras }: Json): string | null {
+  const digest = memberOf(extras, 'litetex');
   const [splats, texels] = [memberOf(digest, 'splats'), memberOf(digest, 'texels')];
   if (typeof splats !== 'number' || typeof texels !== 'number') return null;
-  return `the file was written with ${texels} texels for ${splats} splats, but a program that processed it has dropped the textures`;
+  return `a program has dropped the textures: the file was written with ${texels} texels for ${splats} splats`;
 }
 
-function memberOf(value: unknown, name: string): unknown {
-  return typeof value === 'object' && value !== null ? (value as Json)[name] : undefined;
+/** The metadata of splats; those without our extension have few. */
+export function metaOf(document: Document, { ours, colourSpace, worldFromData }: Found): Meta {
+  const { copyright, generator } = objectOf(document.root.asset, 'asset');
+  const meta = ours ? readMeta(ours.meta) : foreignMeta(colourSpace, copyright, generator);
+  check(meta.colourSpace === colourSpace, 'colorSpace', colourSpace, meta.colourSpace);
+  return { ...meta, worldFromData: worldFromData ?? meta.worldFromData };
 }
 
-/** What is known of splats without our metadata. */
-function foreignMeta(document: Document, colourSpace: SceneInfo['colourSpace']): Meta {
-  const asset = objectOf(document.root.asset, 'asset');
-  const text = (name: string): string => (asset[name] === undefined ? '' : textOf(asset[name], `asset.${name}`));
+function foreignMeta(colourSpace: SceneInfo['colourSpace'], copyright: unknown, generator: unknown): Meta {
   return {
     near: Math.fround(0.01),
     filter: 'none',
@@ -93,6 +75,13 @@ function foreignMeta(document: Document, colourSpace: SceneInfo['colourSpace']):
     colourSpace,
     worldFromData: IDENTITY,
     cameras: [],
-    provenance: { title: '', author: '', licence: text('copyright'), source: '', programVersion: text('generator'), training: {} },
+    provenance: {
+      title: '',
+      author: '',
+      licence: textOf(copyright ?? '', 'copyright'),
+      source: '',
+      programVersion: textOf(generator ?? '', 'generator'),
+      training: {},
+    },
   };
 }

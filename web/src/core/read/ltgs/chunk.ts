@@ -1,5 +1,6 @@
 import type { Splats } from '../../scene';
-import { NO_SPLATS, shWidth } from '../splats';
+import { shWidth } from '../splats';
+import type { Block } from './streams';
 
 /** What the geometry block of a chunk says, with y up. */
 export interface Geometry {
@@ -17,12 +18,19 @@ export interface Geometry {
   readonly texelSizes: Float32Array;
   readonly shifts: Int16Array;
   /** Texels of all maps. */
-  readonly texels: number;
-  /** Exponents of the steps; empty in lossless files. */
-  readonly exponents: Int32Array;
+  readonly texelCount: number;
+  /** What the steps of a lossy chunk depend on. */
+  readonly steppers?: Steppers;
 }
 
-/** SH coefficients of a chunk: those of each splat's own degree, RGB. Those of degree 0 are left out of `sh` as 0. */
+/** The exponents x of the steps of splats, x + 8, and 2^x. */
+export interface Steppers {
+  readonly exponents: Int32Array;
+  readonly classes: Uint8Array;
+  readonly factors: Float64Array;
+}
+
+/** SH of a chunk: the coefficients of each splat's own degree, RGB; those of degree 0 are still 0. */
 export interface Sh {
   readonly degrees: Uint8Array;
   readonly sh: Float32Array;
@@ -34,11 +42,12 @@ export interface Texels {
   readonly dc: Float32Array;
 }
 
-/** Decodes the blocks of chunks; errors are of SceneError. */
+/** Decodes the blocks of chunks. */
 export interface ChunkDecoder {
-  geometry(data: Uint8Array, count: number): Geometry;
-  sh(data: Uint8Array, geometry: Geometry): Sh;
-  texels(data: Uint8Array, geometry: Geometry): Texels;
+  geometry(block: Block, count: number): Geometry;
+  /** For files of an SH degree above 0. */
+  sh(block: Block, geometry: Geometry): Sh;
+  texels(block: Block, geometry: Geometry): Texels;
 }
 
 /** Room for the SH of splats of these degrees. */
@@ -46,38 +55,56 @@ export function roomForSh(degrees: Uint8Array): Sh {
   return { degrees, sh: new Float32Array(degrees.reduce((sum, degree) => sum + shWidth(degree), 0)) };
 }
 
-/** The splats of a chunk from the blocks that are there. */
-export function splatsOf(geometry: Geometry, sh: Sh | null, texels: Texels | null): Splats {
-  const { count, positions, rotations, scales, opacities } = geometry;
-  const degrees = sh?.degrees ?? new Uint8Array(count);
-  const dc = texels?.dc ?? geometry.dcShown;
-  const all = sh?.sh.slice() ?? new Float32Array(3 * count);
-  for (let i = 0, at = 0; i < count; i += 1) {
-    for (let c = 0; c < 3; c += 1) all[at + c] = dc[3 * i + c];
-    at += shWidth(degrees[i]);
-  }
-  const maps =
-    texels === null
-      ? { ...NO_MAPS(count), texels: NO_SPLATS.texels }
-      : { rows: geometry.rows, cols: geometry.cols, texelSizes: geometry.texelSizes, shifts: geometry.shifts, texels: texels.texels };
-  return { count, positions, rotations, scales, opacities, shDegrees: degrees, sh: all, ...maps };
+/** Splats that have a degree, and where their coefficients of it begin. */
+export function withDegree(degrees: Uint8Array, least: number): { readonly splats: number[]; readonly places: number[] } {
+  const splats: number[] = [];
+  const places: number[] = [];
+  let at = 0;
+  degrees.forEach((degree, i) => {
+    if (degree >= least) {
+      splats.push(i);
+      places.push(at + shWidth(least - 1));
+    }
+    at += shWidth(degree);
+  });
+  return { splats, places };
 }
 
-const NO_MAPS = (count: number) => ({
-  rows: new Uint16Array(count),
-  cols: new Uint16Array(count),
-  texelSizes: new Float32Array(2 * count),
-  shifts: new Int16Array(2 * count),
-});
+/** The splats of a chunk from the blocks that are there. */
+export function splatsOf(geometry: Geometry, sh?: Sh, texels?: Texels): Splats {
+  const { count, positions, rotations, scales, opacities } = geometry;
+  const { degrees, sh: stored } = sh ?? roomForSh(new Uint8Array(count));
+  const dc = texels?.dc ?? geometry.dcShown;
+  const all = stored.slice();
+  for (let i = 0, at = 0; i < count; i += 1) {
+    all.set(dc.subarray(3 * i, 3 * i + 3), at);
+    at += shWidth(degrees[i]);
+  }
+  const isTextured = texels !== undefined;
+  return {
+    count,
+    positions,
+    rotations,
+    scales,
+    opacities,
+    shDegrees: degrees,
+    sh: all,
+    rows: isTextured ? geometry.rows : new Uint16Array(count),
+    cols: isTextured ? geometry.cols : new Uint16Array(count),
+    texelSizes: isTextured ? geometry.texelSizes : new Float32Array(2 * count),
+    shifts: isTextured ? geometry.shifts : new Int16Array(2 * count),
+    texels: isTextured ? texels.texels : new Float32Array(0),
+  };
+}
 
-/** Stores a position of the local frame, y down, as one with y up. */
+/** Turns a position of the local frame, y down, to y up. */
 export function putPosition(positions: Float32Array, i: number, x: number, y: number, z: number): void {
   positions[3 * i] = x;
   positions[3 * i + 1] = -y;
   positions[3 * i + 2] = -z;
 }
 
-/** Stores a rotation of the local frame as xyzw of the frame with y up: half a turn about x from the left. */
+/** Turns a rotation of the local frame to y up, half a turn about x from the left, and stores it as xyzw. */
 export function putRotation(rotations: Float32Array, i: number, w: number, x: number, y: number, z: number): void {
   rotations[4 * i] = w;
   rotations[4 * i + 1] = -z;

@@ -1,4 +1,4 @@
-import { EXPONENTS, type Steppers } from './geometry';
+import type { Steppers } from './chunk';
 import { lengthOf, nearest, signed } from './math';
 import type { Steps } from './quantiser';
 import type { Block } from './streams';
@@ -6,60 +6,44 @@ import type { Block } from './streams';
 /** Splats before that predict a colour. */
 const BEFORE = 32;
 
-/** Values of len of section 4.3. */
+/** Values of len of `ltgs.md`, section 4.3. */
 const LENGTHS = 33;
 
-/** Stream 14 of `ltgs.md`, section 4.1: SH of degree 0 with the means of maps, RGB of each splat. */
+/** Stream 14 of section 4.1: SH of degree 0 with the means of maps, RGB of each splat. */
 export function readColours(block: Block, own: Steppers, corners: Float64Array, steps: Steps): Float32Array {
-  const { count, classes, factors } = own;
-  const luma = block.unsigned(count, classes, EXPONENTS);
-  const green = new Uint32Array(count);
-  const red = new Uint32Array(count);
-  const withLength = (numbers: Uint32Array, i: number): number => LENGTHS * classes[i] + lengthOf(numbers[i]);
-  let stream = block.numbers(count, LENGTHS * EXPONENTS, EXPONENTS)!;
-  for (let i = 0; i < count; i += 1) green[i] = stream.next(withLength(luma, i), classes[i]);
-  stream.end();
-  stream = block.numbers(count, LENGTHS * EXPONENTS, LENGTHS * EXPONENTS)!;
-  for (let i = 0; i < count; i += 1) red[i] = stream.next(withLength(luma, i), withLength(green, i));
-  stream.end();
-
-  const codes = new Float64Array(3 * count);
+  const { classes, factors } = own;
+  const count = classes.length;
+  const withLength = (numbers: Uint32Array): Uint16Array => Uint16Array.from(numbers, (u, i) => LENGTHS * classes[i] + lengthOf(u));
+  const luma = block.numbers(count, classes);
+  const green = block.numbers(count, withLength(luma), classes);
+  const red = block.numbers(count, withLength(luma), withLength(green));
+  const channels = [luma, green, red];
+  // Codes times 2^x, which is exact.
+  const scaled = new Float64Array(3 * count);
   const colours = new Float32Array(3 * count);
-  const sums = new Float64Array(3);
+  const weights = new Float64Array(BEFORE);
   for (let i = 0; i < count; i += 1) {
-    predict(i, corners, factors, codes, sums);
-    codes[3 * i] = (signed(luma[i]) + sums[0]) | 0;
-    codes[3 * i + 1] = (signed(green[i]) + sums[1]) | 0;
-    codes[3 * i + 2] = (signed(red[i]) + sums[2]) | 0;
-    const step = steps.sh0 * factors[i];
-    const chroma = step * steps.chroma;
-    putColour(colours, 3 * i, codes[3 * i] * step, codes[3 * i + 1] * chroma, codes[3 * i + 2] * chroma, 1);
+    const first = Math.max(i - BEFORE, 0);
+    let total = 0;
+    for (let j = first; j < i; j += 1) {
+      const dx = corners[3 * j] - corners[3 * i];
+      const dy = corners[3 * j + 1] - corners[3 * i + 1];
+      const dz = corners[3 * j + 2] - corners[3 * i + 2];
+      const near = dx * dx + dy * dy + dz * dz + 1;
+      const weight = 1 / (near * near);
+      weights[j - first] = weight;
+      total += weight;
+    }
+    for (let channel = 0; channel < 3; channel += 1) {
+      let sum = 0;
+      for (let j = first; j < i; j += 1) sum += weights[j - first] * scaled[3 * j + channel];
+      const predicted = i > 0 ? nearest(sum / total / factors[i]) : 0;
+      scaled[3 * i + channel] = ((signed(channels[channel][i]) + predicted) | 0) * factors[i];
+    }
+    const { sh0, chroma } = steps;
+    putColour(colours, 3 * i, scaled[3 * i] * sh0, scaled[3 * i + 1] * (sh0 * chroma), scaled[3 * i + 2] * (sh0 * chroma), 1);
   }
   return colours;
-}
-
-/** The predicted codes of a splat, from those before: the nearest ones count most. */
-function predict(i: number, corners: Float64Array, factors: Float64Array, codes: Float64Array, out: Float64Array): void {
-  const [x, y, z] = [corners[3 * i], corners[3 * i + 1], corners[3 * i + 2]];
-  let luma = 0;
-  let green = 0;
-  let red = 0;
-  let total = 0;
-  for (let j = Math.max(i - BEFORE, 0); j < i; j += 1) {
-    const dx = corners[3 * j] - x;
-    const dy = corners[3 * j + 1] - y;
-    const dz = corners[3 * j + 2] - z;
-    const near = dx * dx + dy * dy + dz * dz + 1;
-    const weight = 1 / (near * near);
-    const weighted = weight * factors[j];
-    luma += weighted * codes[3 * j];
-    green += weighted * codes[3 * j + 1];
-    red += weighted * codes[3 * j + 2];
-    total += weight;
-  }
-  out[0] = i === 0 ? 0 : nearest(luma / total / factors[i]);
-  out[1] = i === 0 ? 0 : nearest(green / total / factors[i]);
-  out[2] = i === 0 ? 0 : nearest(red / total / factors[i]);
 }
 
 /** Stores RGB of luma, green and red (section 4.1), with a sign. */

@@ -1,72 +1,56 @@
-import { invalid } from '../errors';
-import type { Geometry } from './chunk';
-import { putRotation } from './chunk';
+import { check } from '../errors';
+import { type Geometry, type Steppers, putRotation } from './chunk';
 import { readColours } from './colours';
-import { SIDE_MAX, readShifts, texelsOf } from './maps';
+import { SIDE_MAX, readShifts, texelsOf, texturedOf } from './maps';
 import { F32_MAX, F32_MIN, clamp, exp2, floorLog2, log256, nearest, twoTo } from './math';
 import { readPositions } from './positions';
 import type { Quantiser } from './quantiser';
-import { Block } from './streams';
+import type { Block } from './streams';
 
-/** Largest absolute exponent of a splat's steps, and how many values that makes. */
-export const EXPONENT_MAX = 8;
-export const EXPONENTS = 17;
+/** Largest absolute exponent of a splat's steps. */
+const EXPONENT_MAX = 8;
 
 /** Splats before that predict a standard deviation. */
 const SCALES_BEFORE = 8;
 
-/** What the streams of a geometry block need of those before. */
-export interface Steppers {
-  readonly count: number;
-  /** Exponents x of the steps, x + 8, and 2^x. */
-  readonly exponents: Int32Array;
-  readonly classes: Uint8Array;
-  readonly factors: Float64Array;
-}
-
 /** Decodes the geometry block of a lossy chunk (`ltgs.md`, section 4.1). */
-export function readGeometry(data: Uint8Array, count: number, quantiser: Quantiser): Geometry {
-  const block = new Block(data);
+export function readGeometry(block: Block, count: number, quantiser: Quantiser): Geometry {
   const exponents = block.signed(count);
-  for (const x of exponents) if (Math.abs(x) > EXPONENT_MAX) throw invalid(`exponent ${x} of a splat, expected -${EXPONENT_MAX} to ${EXPONENT_MAX}`);
-  const own: Steppers = {
-    count,
+  for (const x of exponents) check(Math.abs(x) <= EXPONENT_MAX, 'exponent of a splat', x, '-8 to 8');
+  const steppers: Steppers = {
     exponents,
     classes: Uint8Array.from(exponents, (x) => x + EXPONENT_MAX),
     factors: Float64Array.from(exponents, twoTo),
   };
-  const { rows, cols } = readSides(block, own);
-  const texels = texelsOf(rows, cols);
-  const { logs, octaves, scales } = readScales(block, own, rows, cols, quantiser);
-  const { texelSizes, shifts } = readMaps(block, rows, cols, logs, quantiser);
-  const rotations = readRotations(block, own, rows, scales, quantiser);
-  const { positions, corners } = readPositions(block, own, scales, quantiser.grid, quantiser.steps.position);
-  const opacities = readOpacities(block, own, octaves, quantiser);
-  const dc = readColours(block, own, corners, quantiser.steps);
-  block.end();
-  return { count, positions, rotations, scales, opacities, dc, dcShown: dc, rows, cols, texelSizes, shifts, texels, exponents };
+  const { rows, cols } = readSides(block, steppers);
+  const texelCount = texelsOf(rows, cols);
+  const sides = Uint8Array.from(rows, (side, i) => 7 * Math.min(side, 6) + Math.min(cols[i], 6));
+  const { logs, octaves, scales } = readScales(block, steppers, sides, quantiser);
+  const texelSizes = readTexelSizes(block, rows, cols, sides, logs, quantiser);
+  const shifts = readShifts(block, rows, cols, true);
+  const rotations = readRotations(block, steppers, rows, scales, quantiser);
+  const { positions, corners } = readPositions(block, steppers, scales, quantiser);
+  const opacities = readOpacities(block, steppers, octaves, quantiser);
+  const dc = readColours(block, steppers, corners, quantiser.steps);
+  return {
+    count, positions, rotations, scales, opacities, dc, dcShown: dc, rows, cols, texelSizes, shifts, texelCount, steppers,
+  };
 }
 
 /** Streams 2 and 3. */
-function readSides(block: Block, { count, classes }: Steppers): { rows: Uint16Array; cols: Uint16Array } {
-  const found = block.unsigned(count, classes, EXPONENTS);
-  const textured = [...found.keys()].filter((i) => found[i] > 0);
-  const side = (value: number): number => {
-    if (value < 0 || value > SIDE_MAX) throw invalid(`a map with a side of ${value} texels, expected at most ${SIDE_MAX}`);
-    return value;
+function readSides(block: Block, { classes }: Steppers): { readonly rows: Uint16Array; readonly cols: Uint16Array } {
+  const side = (texels: number): number => {
+    check(texels >= 0 && texels <= SIDE_MAX, 'side of a map', texels, `1 to ${SIDE_MAX}`);
+    return texels;
   };
-  const rows = Uint16Array.from(found, side);
-  const cols = new Uint16Array(count);
-  const contexts = textured.map((i) => Math.min(rows[i], 12));
-  block.signed(textured.length, contexts, 13).forEach((more, k) => {
+  const rows = Uint16Array.from(block.numbers(classes.length, classes), side);
+  const cols = new Uint16Array(rows.length);
+  const textured = texturedOf(rows);
+  const contexts = Uint8Array.from(textured, (i) => Math.min(rows[i], 12));
+  block.signed(textured.length, contexts).forEach((more, k) => {
     cols[textured[k]] = side((rows[textured[k]] + more) | 0);
   });
   return { rows, cols };
-}
-
-/** Contexts of streams that depend on both sides of a map. */
-function sidesContexts(rows: Uint16Array, cols: Uint16Array): Uint8Array {
-  return Uint8Array.from(rows, (count, i) => 7 * Math.min(count, 6) + Math.min(cols[i], 6));
 }
 
 interface Scales {
@@ -78,41 +62,39 @@ interface Scales {
 }
 
 /** Streams 4 and 5. */
-function readScales(block: Block, own: Steppers, rows: Uint16Array, cols: Uint16Array, { steps, grid }: Quantiser): Scales {
-  const { count, classes, factors } = own;
-  const rests = block.signed(count, classes, EXPONENTS);
-  const less = new Uint32Array(count);
-  const stream = block.numbers(count, EXPONENTS, 49)!;
-  const sides = sidesContexts(rows, cols);
-  for (let i = 0; i < count; i += 1) less[i] = stream.next(classes[i], sides[i]);
-  stream.end();
-  const logs = new Float64Array(2 * count);
+function readScales(block: Block, { classes, factors }: Steppers, sides: Uint8Array, { steps, grid }: Quantiser): Scales {
+  const count = classes.length;
+  const rests = block.signed(count, classes);
+  const less = block.numbers(count, classes, sides);
   const octaves = new Float64Array(count);
-  const scales = new Float32Array(2 * count);
+  const logs = new Float64Array(2 * count);
   for (let i = 0; i < count; i += 1) {
     const step = Math.min(steps.log2Scale * factors[i], 1);
     const first = Math.max(i - SCALES_BEFORE, 0);
     let sum = 0;
     for (let j = first; j < i; j += 1) sum += octaves[j];
-    const predicted = i === 0 ? 0 : nearest(sum / (i - first) / step);
-    const code = (rests[i] + predicted) | 0;
+    const code = (rests[i] + (i > 0 ? nearest(sum / (i - first) / step) : 0)) | 0;
     octaves[i] = code * step;
     logs[2 * i] = grid.log2Scale + octaves[i];
     logs[2 * i + 1] = grid.log2Scale + ((code - less[i]) | 0) * step;
-    for (let axis = 2 * i; axis < 2 * i + 2; axis += 1) scales[axis] = clamp(Math.fround(exp2(logs[axis])), F32_MIN, 1e6);
   }
-  return { logs, octaves, scales };
+  return { logs, octaves, scales: Float32Array.from(logs, (log) => clamp(Math.fround(exp2(log)), F32_MIN, 1e6)) };
 }
 
-/** Stream 6: texel sizes and shifts. */
-function readMaps(block: Block, rows: Uint16Array, cols: Uint16Array, logs: Float64Array, { steps, grid }: Quantiser): { texelSizes: Float32Array; shifts: Int16Array } {
-  const textured = [...rows.keys()].filter((i) => rows[i] > 0);
-  const sides = sidesContexts(rows, cols);
-  const contexts = textured.map((i) => sides[i]);
-  const means = block.signed(textured.length, contexts, 49);
-  const octaves = block.signed(textured.length, contexts, 49, true);
-  const rests = block.signed(textured.length, undefined, 0, true);
-  const shifts = readShifts(block, rows, cols, true);
+/** The first three streams of 6. */
+function readTexelSizes(
+  block: Block,
+  rows: Uint16Array,
+  cols: Uint16Array,
+  sides: Uint8Array,
+  logs: Float64Array,
+  { steps, grid }: Quantiser,
+): Float32Array {
+  const textured = texturedOf(rows);
+  const contexts = Uint8Array.from(textured, (i) => sides[i]);
+  const means = block.signed(textured.length, contexts);
+  const octaves = block.signed(textured.length, contexts, true);
+  const rests = block.signed(textured.length, undefined, true);
   const texelSizes = new Float32Array(2 * rows.length);
   textured.forEach((i, k) => {
     const step = steps.log2TexelSize * twoTo(-floorLog2(Math.max(rows[i], cols[i])));
@@ -122,29 +104,28 @@ function readMaps(block: Block, rows: Uint16Array, cols: Uint16Array, logs: Floa
     texelSizes[2 * i] = clamp(Math.fround(exp2(mean - half)), F32_MIN, F32_MAX);
     texelSizes[2 * i + 1] = clamp(Math.fround(exp2(mean + half)), F32_MIN, F32_MAX);
   });
-  return { texelSizes, shifts };
+  return texelSizes;
 }
 
 /** Streams 7 to 9. */
 function readRotations(block: Block, own: Steppers, rows: Uint16Array, scales: Float32Array, { steps }: Quantiser): Float32Array {
-  const { count, classes, factors } = own;
-  const swings = [0, 1].map(() => block.signed(count, classes, EXPONENTS));
-  const twistSteps = Float64Array.from(factors, (factor, i) => {
+  const { classes, factors } = own;
+  const count = classes.length;
+  const [swingsX, swingsY] = [0, 1].map(() => block.signed(count, classes));
+  const twistSteps = factors.map((factor, i) => {
     const u = scales[2 * i];
     const v = scales[2 * i + 1];
     const anisotropy = clamp(Math.abs(u / v - v / u), rows[i] > 0 ? 0.375 : 0.0625, 4096);
     return Math.min((steps.twist * factor) / anisotropy, 0.25);
   });
-  const contexts = Uint8Array.from(twistSteps, (step) => clamp(Math.floor(-log256(step) / 64), 0, 127));
-  const twists = block.signed(count, contexts, 128);
+  const twists = block.signed(count, Uint8Array.from(twistSteps, (step) => clamp(Math.floor(-log256(step) / 64), 0, 127)));
   const rotations = new Float32Array(4 * count);
   for (let i = 0; i < count; i += 1) {
-    const swingStep = Math.min(steps.tilt * factors[i], 0.25);
-    let p = swings[0][i] * swingStep;
-    let q = swings[1][i] * swingStep;
-    const squares = p * p + q * q;
-    if (squares > 1) {
-      const length = Math.sqrt(squares);
+    const step = Math.min(steps.tilt * factors[i], 0.25);
+    let p = swingsX[i] * step;
+    let q = swingsY[i] * step;
+    const length = Math.sqrt(p * p + q * q);
+    if (p * p + q * q > 1) {
       p /= length;
       q /= length;
     }
@@ -157,8 +138,9 @@ function readRotations(block: Block, own: Steppers, rows: Uint16Array, scales: F
 }
 
 /** Stream 13. */
-function readOpacities(block: Block, { count, classes, factors }: Steppers, octaves: Float64Array, { steps }: Quantiser): Float32Array {
+function readOpacities(block: Block, { classes, factors }: Steppers, octaves: Float64Array, { steps }: Quantiser): Float32Array {
   const contexts = Uint16Array.from(classes, (x, i) => 40 * x + 20 + clamp(Math.floor(octaves[i]), -20, 19));
-  const codes = block.unsigned(count, contexts, 40 * EXPONENTS);
-  return Float32Array.from(codes, (code, i) => clamp(Math.fround(exp2(-(code * Math.min(steps.log2Opacity * factors[i], 1)))), F32_MIN, 1));
+  return Float32Array.from(block.numbers(classes.length, contexts), (code, i) =>
+    clamp(Math.fround(exp2(-(code * Math.min(steps.log2Opacity * factors[i], 1)))), F32_MIN, 1),
+  );
 }

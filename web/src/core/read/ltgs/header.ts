@@ -1,14 +1,14 @@
-import { hexAt, u64At, viewOf } from '../bytes';
-import { invalid, unsupported } from '../errors';
+import { hex64, u64At, viewOf } from '../bytes';
+import { check, support } from '../errors';
 import { xxh3 } from '../xxh3';
 
 export const HEADER_BYTES = 64;
 export const ENTRY_BYTES = 112;
 
 /** Splats of every chunk but the last of its layer. */
-export const CHUNK_SPLATS = 4096;
+const CHUNK_SPLATS = 4096;
 
-const QUALITIES = ['lossless', 'balanced', 'tiny', 'custom'] as const;
+const QUALITIES = ['lossless', 'balanced', 'tiny', 'custom'];
 
 /** The header of a file (`ltgs.md`, section 1.1). */
 export interface Header {
@@ -16,48 +16,54 @@ export interface Header {
   readonly splats: number;
   readonly texels: number;
   readonly shDegree: number;
-  readonly quality: (typeof QUALITIES)[number];
+  readonly quality: string;
+  readonly isLossless: boolean;
   readonly metaBytes: number;
   readonly metaTextBytes: number;
   readonly chunks: number;
   readonly fileBytes: number;
+  /** Hash of metadata and table of contents. */
   readonly tablesHash: string;
+}
+
+/** Checks bytes by their xxh3-64. */
+export function checkHash(bytes: Uint8Array, expected: string, what: string): void {
+  const found = xxh3(bytes);
+  check(found === expected, `checksum of ${what}`, found, expected);
 }
 
 /** Reads and checks the first 64 bytes. */
 export function readHeader(bytes: Uint8Array): Header {
   const view = viewOf(bytes);
+  const u32 = (at: number): number => view.getUint32(at, true);
   const major = view.getUint16(4, true);
-  if (major !== 2) throw unsupported(`.ltgs of version ${major}, this reader knows version 2`);
-  const hash = xxh3(bytes.subarray(0, 56));
-  if (hash !== hexAt(view, 56)) throw invalid(`header: checksum ${hash}, stated ${hexAt(view, 56)}: damaged`);
-  const flags = view.getUint32(8, true);
-  if (flags > 1) throw unsupported(`header: unknown feature bits 0x${flags.toString(16)}`);
-  const quality = QUALITIES[view.getUint8(25)];
-  if (quality === undefined) throw unsupported(`header: unknown profile ${view.getUint8(25)}`);
+  support(major === 2, 'version of .ltgs', major, 2);
+  checkHash(bytes.subarray(0, 56), hex64(view.getBigUint64(56, true)), 'the header');
+  support(u32(8) < 2, 'feature bits', u32(8), '0 or 1');
+  support(bytes[25] < QUALITIES.length, 'profile', bytes[25], '0 to 3');
   const header = {
-    metaIsCompressed: flags === 1,
-    splats: view.getUint32(12, true),
+    metaIsCompressed: u32(8) === 1,
+    splats: u32(12),
     texels: u64At(view, 16),
-    shDegree: view.getUint8(24),
-    quality,
-    metaBytes: view.getUint32(28, true),
-    metaTextBytes: view.getUint32(32, true),
-    chunks: view.getUint32(36, true),
+    shDegree: bytes[24],
+    quality: QUALITIES[bytes[25]],
+    isLossless: bytes[25] === 0,
+    metaBytes: u32(28),
+    metaTextBytes: u32(32),
+    chunks: u32(36),
     fileBytes: u64At(view, 40),
-    tablesHash: hexAt(view, 48),
+    tablesHash: hex64(view.getBigUint64(48, true)),
   };
   const { splats, chunks } = header;
-  const check = (name: string, found: number, most: number): void => {
-    if (found > most) throw invalid(`header: ${found} ${name}, at most ${most}`);
-  };
-  check('splats', splats, 2 ** 24);
-  check('texels', header.texels, 2 ** 32 - 1);
-  check('as SH degree', header.shDegree, 3);
-  check('bytes of metadata', header.metaTextBytes, 2 ** 24);
-  check('bytes of the file', header.fileBytes, 2 ** 53);
+  const most = { splats: 2 ** 24, texels: 2 ** 32 - 1, shDegree: 3, metaTextBytes: 2 ** 24, chunks: splats, fileBytes: 2 ** 53 };
+  for (const [name, bound] of Object.entries(most)) {
+    const found = header[name as keyof typeof most];
+    check(found <= bound, `${name} of the header`, found, `at most ${bound}`);
+  }
   const fewest = Math.ceil(splats / CHUNK_SPLATS);
-  if (chunks < fewest || chunks > splats) throw invalid(`header: ${chunks} chunks, ${splats} splats need ${fewest} to ${splats}`);
+  check(chunks >= fewest, 'chunks of the header', chunks, `at least ${fewest}`);
+  const tables = HEADER_BYTES + header.metaBytes + ENTRY_BYTES * chunks;
+  check(tables <= header.fileBytes, 'bytes of the file', header.fileBytes, `at least ${tables}`);
   return header;
 }
 
@@ -70,7 +76,7 @@ export interface BlockPlace {
 
 /** An entry of the table of contents (section 1.3). */
 export interface Entry {
-  /** Blocks of geometry, of the other SH, and of texels. */
+  /** Geometry, other SH, texels. */
   readonly blocks: readonly BlockPlace[];
   readonly texels: number;
   readonly splats: number;
@@ -81,53 +87,38 @@ export interface Entry {
 export function readEntries(bytes: Uint8Array, header: Header): Entry[] {
   const view = viewOf(bytes);
   const entries = Array.from({ length: header.chunks }, (_, chunk): Entry => {
-    const at = ENTRY_BYTES * chunk;
-    const block = (place: number) => ({ offset: u64At(view, place), bytes: u64At(view, place + 8), hash: hexAt(view, place + 16) });
-    return {
-      blocks: [block(at), block(at + 24), block(at + 48)],
-      texels: u64At(view, at + 72),
-      splats: view.getUint32(at + 80, true),
-      layer: view.getUint32(at + 84, true),
-    };
+    const first = ENTRY_BYTES * chunk;
+    const blocks = [0, 1, 2].map((kind): BlockPlace => {
+      const at = first + 24 * kind;
+      return { offset: u64At(view, at), bytes: u64At(view, at + 8), hash: hex64(view.getBigUint64(at + 16, true)) };
+    });
+    const [splats, layer] = [80, 84].map((at) => view.getUint32(first + at, true));
+    return { blocks, texels: u64At(view, first + 72), splats, layer };
   });
-  checkLayers(entries, header.quality === 'lossless');
-  let end = HEADER_BYTES + header.metaBytes + ENTRY_BYTES * header.chunks;
-  for (const { chunk, kind } of blocksInOrder(entries)) {
-    const { offset, bytes: size } = entries[chunk].blocks[kind];
-    if (offset < end || size > header.fileBytes - offset) {
-      throw invalid(`chunk ${chunk}: a block of ${size} bytes at ${offset}, expected within ${end} to ${header.fileBytes}`);
-    }
+  entries.forEach(({ layer, splats }, chunk) => {
+    const before = chunk > 0 ? entries[chunk - 1].layer : 0;
+    const most = chunk > 0 && !header.isLossless ? before + 1 : before;
+    check(layer >= before && layer <= most, `layer of chunk ${chunk}`, layer, `${before} to ${most}`);
+    const fewest = entries[chunk + 1]?.layer === layer ? CHUNK_SPLATS : 1;
+    check(splats >= fewest && splats <= CHUNK_SPLATS, `splats of chunk ${chunk}`, splats, `${fewest} to ${CHUNK_SPLATS}`);
+  });
+  let end = HEADER_BYTES + header.metaBytes + bytes.length;
+  // In the order of the file (section 1).
+  for (const { offset, bytes: size } of layersOf(entries).flatMap((layer) => [0, 1, 2].flatMap((kind) => layer.map(({ blocks }) => blocks[kind])))) {
+    const most = header.fileBytes - size;
+    check(offset >= end && offset <= most, 'place of a block', offset, `${end} to ${most}`);
     end = offset + size;
   }
   for (const name of ['splats', 'texels'] as const) {
     const sum = entries.reduce((total, entry) => total + entry[name], 0);
-    if (sum !== header[name]) throw invalid(`table of contents: ${sum} ${name}, the header says ${header[name]}`);
+    check(sum === header[name], `${name} of the chunks`, sum, header[name]);
   }
   return entries;
 }
 
-function checkLayers(entries: Entry[], isLossless: boolean): void {
-  entries.forEach(({ layer, splats }, chunk) => {
-    const before = entries[chunk - 1]?.layer;
-    const most = before === undefined || isLossless ? (before ?? 0) : before + 1;
-    if (layer < (before ?? 0) || layer > most) throw invalid(`chunk ${chunk}: layer ${layer}, expected ${before ?? 0} to ${most}`);
-    const fewest = entries[chunk + 1]?.layer === layer ? CHUNK_SPLATS : 1;
-    if (splats < fewest || splats > CHUNK_SPLATS) {
-      throw invalid(`chunk ${chunk} of layer ${layer}: ${splats} splats, expected ${fewest} to ${CHUNK_SPLATS}`);
-    }
-  });
-}
-
-/** All blocks in the order of the file: by layer, then by kind, then by chunk (section 1). */
-export function blocksInOrder(entries: readonly Entry[]): { chunk: number; kind: number }[] {
-  const all: { chunk: number; kind: number }[] = [];
-  for (let first = 0; first < entries.length; ) {
-    let end = first + 1;
-    while (entries[end]?.layer === entries[first].layer) end += 1;
-    for (let kind = 0; kind < 3; kind += 1) {
-      for (let chunk = first; chunk < end; chunk += 1) all.push({ chunk, kind });
-    }
-    first = end;
-  }
-  return all;
+/** The chunks of each layer. */
+export function layersOf(entries: readonly Entry[]): Entry[][] {
+  const layers: Entry[][] = [];
+  for (const entry of entries) (layers[entry.layer] ??= []).push(entry);
+  return layers;
 }

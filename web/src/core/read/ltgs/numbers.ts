@@ -1,4 +1,4 @@
-import { invalid } from '../errors';
+import { check } from '../errors';
 
 /**
  * Numbers of codec 2: a binary range coder whose probabilities adapt and are mixed (`ltgs.md`, section 2). Integers only.
@@ -172,7 +172,7 @@ export class Numbers {
         taken += 1;
       }
     }
-    if (value > 2 ** 32) throw invalid('stream: a number of more than 32 bits');
+    if (value > 2 ** 32) check(false, 'number of a stream', value - 1, 'at most 32 bits');
     coder[0] = range;
     coder[1] = code;
     this.taken = taken;
@@ -183,11 +183,10 @@ export class Numbers {
 
   /** Checks that the numbers read need all coded bytes, and no more. */
   end(): void {
-    const { data } = this;
-    const rest = data.length + 4 - this.taken;
-    if (rest < 0 || rest > 4 || (rest > 0 && data[data.length - 1] === 0)) {
-      throw invalid('stream: its numbers need more or fewer bytes than it has: damaged');
-    }
+    const { data, taken } = this;
+    const rest = data.length + 4 - taken;
+    const isSpent = rest === 0 || (rest > 0 && rest <= 4 && data[data.length - 1] !== 0);
+    check(isSpent, 'bytes of a stream of numbers', data.length, `${taken - 4}, and no zeros behind them`);
   }
 }
 

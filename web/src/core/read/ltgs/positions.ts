@@ -1,8 +1,7 @@
-import { invalid } from '../errors';
-import { putPosition } from './chunk';
-import { EXPONENTS, type Steppers } from './geometry';
+import { check } from '../errors';
+import { type Steppers, putPosition } from './chunk';
 import { clamp, floorLog2, twoTo } from './math';
-import type { Grid } from './quantiser';
+import type { Quantiser } from './quantiser';
 import type { Block } from './streams';
 
 interface Positions {
@@ -12,38 +11,42 @@ interface Positions {
 }
 
 /** Streams 10 to 12 of `ltgs.md`, section 4.1. */
-export function readPositions(block: Block, { count, exponents, classes }: Steppers, scales: Float32Array, grid: Grid, share: number): Positions {
+export function readPositions(block: Block, own: Steppers, scales: Float32Array, { grid, steps }: Quantiser): Positions {
+  const { exponents, classes } = own;
   const { reach, bits, cellBits, origin } = grid;
-  const high = block.unsigned(count);
-  const low = block.unsigned(count, classes, EXPONENTS);
-  const lacks = Uint8Array.from(exponents, (x, i) => clamp(floorLog2(Math.sqrt(scales[2 * i] * scales[2 * i + 1]) / reach) + x, 0, cellBits));
+  const count = classes.length;
+  const high = block.numbers(count);
+  const low = block.numbers(count, classes);
+  const lacks = exponents.map((x, i) => clamp(floorLog2(Math.sqrt(scales[2 * i] * scales[2 * i + 1]) / reach) + x, 0, cellBits));
   const placeBits = lacks.reduce((sum, lack) => sum + 3 * (cellBits - lack), 0);
-  const places = new Bits(block.bytes(Math.ceil(placeBits / 8)));
+  const places = block.bytes(Math.ceil(placeBits / 8));
+  let place = 0;
+  const step = steps.position * reach;
   const positions = new Float32Array(3 * count);
   const corners = new Float64Array(3 * count);
+  // The Morton number of the cell, and its end: the lowest 31 bits, and those above.
+  let [lower, upper] = [0, 0];
   const cells = twoTo(3 * (bits - cellBits));
-  const cellsUpper = Math.floor(cells / 2 ** 31);
-  const step = share * reach;
-  const centre = [0, 0, 0];
-  // The Morton number of the cell: its lowest 31 bits, and those above.
-  let lower = 0;
-  let upper = 0;
+  const [endLower, endUpper] = [cells % 2 ** 31, Math.floor(cells / 2 ** 31)];
   for (let i = 0; i < count; i += 1) {
     const sum = lower + low[i];
     lower = sum % 2 ** 31;
     upper += high[i] + Math.floor(sum / 2 ** 31);
-    if (upper > cellsUpper || (upper === cellsUpper && lower >= cells % 2 ** 31)) throw invalid(`splat ${i}: its cell lies outside the grid`);
-    const [a, b, c] = [lower & 0x3fffffff, (lower >>> 30) | (upper << 1), Math.floor(upper / 2 ** 29)];
+    const isInside = upper < endUpper || (upper === endUpper && lower < endLower);
+    if (!isInside) check(false, 'cell of a splat', upper * 2 ** 31 + lower, `below ${cells}`);
     const edge = twoTo(lacks[i]);
+    const ofPlace = cellBits - lacks[i];
     for (let axis = 0; axis < 3; axis += 1) {
-      const cell = third(a >>> axis) | (third((b & 0x3fffffff) >>> axis) << 10) | (((c >>> axis) & 1) << 20);
-      const corner = cell * twoTo(cellBits) + places.take(cellBits - lacks[i]) * edge;
+      const middle = ((lower >>> 30) | (upper << 1)) & 0x3fffffff;
+      const cell = third(lower >>> axis) + third(middle >>> axis) * 2 ** 10 + ((upper / 2 ** (29 + axis)) & 1) * 2 ** 20;
+      const corner = cell * twoTo(cellBits) + bitsAt(places, place, ofPlace) * edge;
+      place += ofPlace;
       corners[3 * i + axis] = corner;
-      centre[axis] = origin[axis] + (corner + 0.5 * edge) * step;
     }
-    putPosition(positions, i, centre[0], centre[1], centre[2]);
+    const centre = (axis: number): number => origin[axis] + (corners[3 * i + axis] + 0.5 * edge) * step;
+    putPosition(positions, i, centre(0), centre(1), centre(2));
   }
-  places.end();
+  check(bitsAt(places, place, 8 * places.length - place) === 0, 'bits behind the places', 1, 0);
   return { positions, corners };
 }
 
@@ -56,32 +59,10 @@ function third(x: number): number {
   return (x ^ (x >>> 16)) & 0x3ff;
 }
 
-/** Numbers of some bits each, the lowest bit first. */
-class Bits {
-  private at = 0;
-  private rest = 0;
-  private left = 0;
-
-  constructor(private readonly bytes: Uint8Array) {}
-
-  take(count: number): number {
-    let value = 0;
-    for (let known = 0; known < count; ) {
-      if (this.left === 0) {
-        this.rest = this.bytes[this.at];
-        this.left = 8;
-        this.at += 1;
-      }
-      const part = Math.min(count - known, this.left);
-      value += (this.rest & ((1 << part) - 1)) * 2 ** known;
-      this.rest >>= part;
-      this.left -= part;
-      known += part;
-    }
-    return value;
-  }
-
-  end(): void {
-    if (this.rest !== 0) throw invalid('positions: bits behind the last place');
-  }
+/** Up to 31 bits of bytes from a bit on, the lowest bit first. */
+function bitsAt(bytes: Uint8Array, at: number, count: number): number {
+  const first = at >> 3;
+  let value = 0;
+  for (let i = 0; i < 5; i += 1) value += (bytes[first + i] ?? 0) * 2 ** (8 * i);
+  return Math.floor(value / 2 ** (at & 7)) % 2 ** count;
 }

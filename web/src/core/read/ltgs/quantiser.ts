@@ -1,11 +1,11 @@
-import { invalid } from '../errors';
+import { check } from '../errors';
 import { numberOf, numbersOf, objectOf, wholeOf } from '../json';
 import { F32_MAX } from './math';
 
-const STEPS = ['position', 'tilt', 'twist', 'log2Scale', 'log2Opacity', 'sh0', 'texel', 'chroma', 'log2TexelSize'] as const;
+type StepName = 'position' | 'tilt' | 'twist' | 'log2Scale' | 'log2Opacity' | 'sh0' | 'texel' | 'chroma' | 'log2TexelSize';
 
 /** Steps by which numbers of a lossy file are rounded (`ltgs.md`, section 4). */
-export type Steps = Readonly<Record<(typeof STEPS)[number], number>> & { readonly shRest: readonly number[] };
+export type Steps = Readonly<Record<StepName, number>> & { readonly shRest: readonly number[] };
 
 /** Numbers of the scene to which the steps refer. */
 export interface Grid {
@@ -26,27 +26,31 @@ export function readQuantiser(value: unknown): Quantiser {
   const quantiser = objectOf(value, 'quantiser');
   const steps = objectOf(quantiser.steps, 'steps');
   const grid = objectOf(quantiser.grid, 'grid');
-  const bits = wholeOf(grid.bits, 'grid.bits', 31);
-  const cellBits = wholeOf(grid.cellBits, 'grid.cellBits', bits);
-  const found = {
+  const step = (name: StepName): number => numberOf(steps[name], name, 2 ** -30, 16);
+  const within = (name: keyof Grid, least = -F32_MAX): number => numberOf(grid[name], name, least, F32_MAX);
+  const cellBits = wholeOf(grid.cellBits, 'cellBits', 31);
+  const bits = wholeOf(grid.bits, 'bits', Math.min(31, cellBits + 21));
+  check(bits >= cellBits, 'bits', bits, `at least ${cellBits}`);
+  return {
     steps: {
-      ...(Object.fromEntries(STEPS.map((name) => [name, numberOf(steps[name], `steps.${name}`)])) as Record<(typeof STEPS)[number], number>),
-      shRest: numbersOf(steps.shRest, 'steps.shRest', 3),
+      position: step('position'),
+      tilt: step('tilt'),
+      twist: step('twist'),
+      log2Scale: step('log2Scale'),
+      log2Opacity: step('log2Opacity'),
+      sh0: step('sh0'),
+      shRest: numbersOf(steps.shRest, 'shRest', 3, 2 ** -30, 16),
+      texel: step('texel'),
+      chroma: step('chroma'),
+      log2TexelSize: step('log2TexelSize'),
     },
     grid: {
-      origin: numbersOf(grid.origin, 'grid.origin', 3),
-      reach: numberOf(grid.reach, 'grid.reach'),
+      origin: numbersOf(grid.origin, 'origin', 3, -F32_MAX, F32_MAX),
+      reach: within('reach', 2 ** -1022),
       bits,
       cellBits,
-      log2Scale: numberOf(grid.log2Scale, 'grid.log2Scale'),
-      log2TexelSize: numberOf(grid.log2TexelSize, 'grid.log2TexelSize'),
+      log2Scale: within('log2Scale'),
+      log2TexelSize: within('log2TexelSize'),
     },
   };
-  for (const step of Object.values(found.steps).flat()) {
-    if (!(step >= 2 ** -30 && step <= 16)) throw invalid(`steps: found ${step}, expected 2^-30 to 16`);
-  }
-  const { origin, reach, log2Scale, log2TexelSize } = found.grid;
-  const isBounded = [...origin, reach, log2Scale, log2TexelSize].every((v) => Math.abs(v) <= F32_MAX);
-  if (bits > cellBits + 21 || !isBounded || reach < 2 ** -1022) throw invalid('grid: its numbers are out of bounds');
-  return found;
 }

@@ -1,18 +1,29 @@
-import { invalid, unsupported } from '../errors';
+import { check, support } from '../errors';
 import { unpacked } from '../zstd';
 import { signed } from './math';
 import { Numbers } from './numbers';
 
-/** Codecs of streams: bytes as they are, bytes in a zstd frame, numbers. */
-const STORED = 0;
+/** Codecs of streams: bytes in a zstd frame, numbers; 0 is bytes as they are. */
 const ZSTD = 1;
 const NUMBERS = 2;
 
 /** Most numbers that a byte can hold, rounded up. */
 const NUMBERS_PER_BYTE = 8192;
 
+/** Values of a context, one for each number of a stream. */
+export type Contexts = Uint8Array | Uint16Array;
+
+/** How many values contexts have. */
+function valuesOf(contexts?: Contexts): number {
+  let most = -1;
+  contexts?.forEach((value) => {
+    most = Math.max(most, value);
+  });
+  return most + 1;
+}
+
 /** One reader for all streams of numbers, which are read one after the other. */
-const numbers = new Numbers();
+const shared = new Numbers();
 
 /** The streams of a block, one after the other (`ltgs.md`, section 2). */
 export class Block {
@@ -22,86 +33,68 @@ export class Block {
 
   /** Checks that nothing follows. */
   end(): void {
-    const rest = this.data.length - this.at;
-    if (rest > 0) throw invalid(`block: ${rest} bytes behind its streams`);
+    check(this.at === this.data.length, 'bytes of a block', this.data.length, this.at);
   }
 
   /** The bytes of a stream of exactly `count`. */
   bytes(count: number): Uint8Array {
-    const { codec, coded } = this.stream(count, false);
-    if (codec === ZSTD) return count === 0 ? coded : unpacked(coded, count);
-    if (codec !== STORED) throw otherCodec(codec);
-    if (coded.length !== count) throw invalid(`stream: ${coded.length} bytes, expected ${count}`);
+    const [codec, , coded] = this.stream(count, false);
+    support(codec < NUMBERS, 'codec of bytes', codec, '0 or 1');
+    if (codec === ZSTD && count > 0) return unpacked(coded, count);
+    check(coded.length === count, 'bytes of a stream', coded.length, count);
     return coded;
   }
 
   /**
-   * Begins a stream of `count` numbers, which the caller must all read before it calls `end`; null for one without. `second`
-   * and `third`: see {@link Numbers.start}. `orNone`: whether the stream may be without numbers.
+   * Begins a stream of `count` numbers, of which the caller reads all before it calls `end`; null for one without numbers.
+   * `second` and `third`: see {@link Numbers.start}. `orNone`: whether there may be none instead.
    */
-  numbers(count: number, second: number, third: number, orNone = false): Numbers | null {
-    const { codec, coded, found } = this.stream(count, orNone);
-    if (codec !== NUMBERS) throw otherCodec(codec);
+  begin(count: number, second: number, third: number, orNone = false): Numbers | null {
+    const [codec, found, coded] = this.stream(count, orNone);
+    support(codec === NUMBERS, 'codec of numbers', codec, NUMBERS);
     if (found === 0) return null;
-    if (count > NUMBERS_PER_BYTE * (coded.length + 1)) throw invalid(`stream: ${coded.length} bytes cannot hold ${count} numbers`);
-    numbers.start(coded, second, third);
-    return numbers;
+    check(count <= NUMBERS_PER_BYTE * (coded.length + 1), `numbers in ${coded.length} bytes`, count, 'fewer');
+    shared.start(coded, second, third);
+    return shared;
   }
 
-  /** Reads signed numbers whose second context is `contexts[i]`, below `values`, or that have none. */
-  signed(count: number, contexts?: ArrayLike<number>, values = 0, orNone = false): Int32Array {
-    const stream = this.numbers(count, values, 0, orNone);
-    const out = new Int32Array(count);
-    if (stream === null) return out;
-    for (let i = 0; i < count; i += 1) out[i] = signed(stream.next(contexts === undefined ? 0 : contexts[i]));
-    stream.end();
-    return out;
-  }
-
-  /** Reads unsigned numbers in the same way. */
-  unsigned(count: number, contexts?: ArrayLike<number>, values = 0): Uint32Array {
-    const stream = this.numbers(count, values, 0);
+  /** Reads numbers, given the values of their further contexts; zeros if there may be none. */
+  numbers(count: number, second?: Contexts, third?: Contexts, orNone = false): Uint32Array {
+    const stream = this.begin(count, valuesOf(second), valuesOf(third), orNone);
     const out = new Uint32Array(count);
     if (stream === null) return out;
-    for (let i = 0; i < count; i += 1) out[i] = stream.next(contexts === undefined ? 0 : contexts[i]);
+    for (let i = 0; i < count; i += 1) out[i] = stream.next(second ? second[i] : 0, third ? third[i] : 0);
     stream.end();
     return out;
   }
 
-  private stream(count: number, orNone: boolean): { codec: number; found: number; coded: Uint8Array } {
-    const codec = this.byte();
-    if (codec > NUMBERS) throw otherCodec(codec);
+  /** Reads signed numbers in the same way. */
+  signed(count: number, contexts?: Contexts, orNone = false): Int32Array {
+    return Int32Array.from(this.numbers(count, contexts, undefined, orNone), signed);
+  }
+
+  private stream(count: number, orNone: boolean): [codec: number, found: number, coded: Uint8Array] {
+    const codec = this.data[this.at++] ?? NUMBERS;
+    support(codec <= NUMBERS, 'codec', codec, '0 to 2');
     const found = this.varint();
     const size = this.varint();
-    if (found !== count && !(orNone && found === 0)) {
-      throw invalid(`stream: ${found} values, expected ${count}${orNone ? ' or none' : ''}`);
-    }
-    if (found === 0 && size > 0) throw invalid(`stream: ${size} bytes without values`);
-    if (size > this.data.length - this.at) throw invalid(`stream: ${size} bytes, but its block has ${this.data.length - this.at} left`);
+    check(found === count || (orNone && found === 0), 'values of a stream', found, `${count}${orNone ? ' or none' : ''}`);
+    check(found > 0 || size === 0, 'bytes of a stream without values', size, 0);
     this.at += size;
-    return { codec, found, coded: this.data.subarray(this.at - size, this.at) };
+    check(this.at <= this.data.length, 'bytes of a stream', size, `at most the ${this.data.length} of its block`);
+    return [codec, found, this.data.subarray(this.at - size, this.at)];
   }
 
-  private byte(): number {
-    if (this.at >= this.data.length) throw invalid('stream: its block ends before it');
-    this.at += 1;
-    return this.data[this.at - 1];
-  }
-
+  /** A number, rounded above 2^53. */
   private varint(): number {
     let value = 0;
     for (let scale = 1; scale < 2 ** 64; scale *= 128) {
-      const byte = this.byte();
+      check(this.at < this.data.length, 'bytes of a block', this.data.length, 'more');
+      const byte = this.data[this.at];
+      this.at += 1;
       value += (byte & 127) * scale;
-      if (byte < 128) {
-        if (value >= 2 ** 64) break;
-        return value;
-      }
+      if (byte < 128) return value;
     }
-    throw invalid('stream: a count of more than 64 bits');
+    check(false, 'count of a stream', value, 'at most 64 bits');
   }
-}
-
-function otherCodec(codec: number): Error {
-  return unsupported(`stream: codec ${codec}; supported: 0 and 1 for bytes, 2 for numbers`);
 }
