@@ -32,19 +32,26 @@ export class Cameras {
 
     /** Lists the cameras of a scene. The current one stays if the scene still has it. */
     show(info: SceneInfo): void {
+        const before = this.cameras;
         this.cameras = info.cameras;
         const name = this.current?.name;
         this.current = info.cameras.find((camera) => camera.name === name) ?? homeCamera(info) ?? null;
-        this.buttons = info.cameras.map((camera) => {
-            const button = make('button', { type: 'button' }, make('span', {}, camera.name), ...heldOutMark(camera));
-            button.addEventListener('click', () => this.go(camera));
-            return button;
-        });
-        byId('cameras').replaceChildren(...this.buttons.map((button) => make('li', {}, button)));
+        // Another version of the same scene: its list stays as it is scrolled, and keeps the focus.
+        const same = before.length === info.cameras.length && before.every((b, i) => b.name === info.cameras[i].name && b.heldOut === info.cameras[i].heldOut);
+        if (!same) this.fillList();
         const heldOut = info.cameras.filter((camera) => camera.heldOut).length;
         byId('cameras-note').textContent = info.cameras.length === 0 ? 'This file names no cameras.'
             : `${count(info.cameras.length)} ${info.cameras.length === 1 ? 'camera' : 'cameras'} of the capture${heldOut ? `; ${count(heldOut)} held out of the training` : ''}.`;
         byId('camera-bar').hidden = info.cameras.length === 0;
+        this.update();
+    }
+
+    /** Goes back to where it began. */
+    home(): void {
+        const { info } = this.viewer;
+        if (!info) return;
+        this.viewer.home();
+        this.current = homeCamera(info) ?? null;
         this.update();
     }
 
@@ -53,6 +60,7 @@ export class Cameras {
         this.current = camera;
         this.viewer.goTo(camera);
         this.update();
+        this.reveal();
     }
 
     /** Returns to the camera last gone to. */
@@ -79,6 +87,15 @@ export class Cameras {
         this.buttons[this.cameras.indexOf(this.current!)]?.scrollIntoView({ block: 'nearest' });
     }
 
+    private fillList(): void {
+        this.buttons = this.cameras.map((camera, i) => {
+            const button = make('button', { type: 'button' }, make('span', {}, camera.name), ...heldOutMark(camera));
+            button.addEventListener('click', () => this.go(this.cameras[i]));
+            return button;
+        });
+        byId('cameras').replaceChildren(...this.buttons.map((button) => make('li', {}, button)));
+    }
+
     private isExact(): boolean {
         const { pose } = this.viewer;
         return Boolean(pose && this.current && isAt(pose, this.current));
@@ -97,7 +114,6 @@ export class Cameras {
                 make('span', {}, current.name), ...heldOutMark(current), ...(this.exact ? [] : [make('span', { className: 'back' }, this.way())]),
             );
         }
-        this.reveal();
         this.changed();
     }
 }

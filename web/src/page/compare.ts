@@ -32,11 +32,11 @@ export class Compare {
     constructor(private readonly viewer: Viewer) {
         this.choice = radios<Comparison>(byId('comparison'), OPTIONS, 'off', (mode) => this.choose(mode));
         this.slider.addEventListener('pointerdown', (event) => this.slider.setPointerCapture(event.pointerId));
-        this.slider.addEventListener('pointermove', (event) => { if (event.buttons) this.move(event.clientX / innerWidth); });
+        this.slider.addEventListener('pointermove', (event) => { if (event.buttons) this.move(event.clientX / this.viewer.canvas.clientWidth); });
         this.slider.addEventListener('keydown', (event) => this.key(event));
         this.image.addEventListener('error', () => { this.failed = this.image.src; this.update(); });
         this.image.addEventListener('load', () => this.update());
-        addEventListener('resize', () => this.update());
+        new ResizeObserver(() => this.update()).observe(viewer.canvas);
         this.update();
     }
 
@@ -112,10 +112,11 @@ export class Compare {
         frame.hidden = !shown;
         if (!shown) return false;
         const camera = this.camera!;
-        const { scale, x, y } = fitted(camera, innerWidth, innerHeight);
+        const { clientWidth, clientHeight } = this.viewer.canvas;
+        const { scale, x, y } = fitted(camera, clientWidth, clientHeight);
         const width = camera.widthPx * scale;
         Object.assign(frame.style, { left: `${x}px`, top: `${y}px`, width: `${width}px`, height: `${camera.heightPx * scale}px` });
-        const hidden = Math.min(width, Math.max(0, Math.round(this.at * innerWidth) - x));
+        const hidden = Math.min(width, Math.max(0, Math.round(this.at * clientWidth) - x));
         frame.style.clipPath = `inset(0 0 0 ${hidden}px)`;
         return true;
     }

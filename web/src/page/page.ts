@@ -1,6 +1,6 @@
 /** The page that shows a scene: served by the program, exported as one file, or opened empty to drop a file on. */
 
-import type { SceneInfo } from '../core/scene';
+import { SceneError, type SceneInfo } from '../core/scene';
 import { Viewer } from '../viewer/viewer';
 import { Cameras } from './cameras';
 import { ALL_COLOURS, setUpColours } from './colours';
@@ -25,6 +25,8 @@ class Page {
     /** Name of a file of the user's that is being read. */
     private pending = '';
     private revision = -1;
+    /** What the program has sent is being read: a newer scene waits, else none would ever be done. */
+    private reading = false;
     /** A file of the user's is shown, which what the program says is not about. */
     private own = false;
 
@@ -47,7 +49,7 @@ class Page {
     }
 
     private start(): void {
-        const inside = embedded();
+        const inside = this.inside();
         const url = sessionUrl(new URL(location.href));
         if (inside) {
             this.session = inside.session;
@@ -62,6 +64,15 @@ class Page {
         }
     }
 
+    private inside(): ReturnType<typeof embedded> {
+        try {
+            return embedded();
+        } catch {
+            say('file', 'The scene in this page is damaged.', { error: true });
+            return null;
+        }
+    }
+
     private welcome(): void {
         this.wait('');
         byId('welcome').hidden = false;
@@ -71,15 +82,16 @@ class Page {
     private told(session: Session, base: URL): void {
         this.session = session;
         clear('program');
-        if (this.own) return;
+        if (this.own || this.pending) return;
         const { asset, photos, training } = session;
         showTraining(training);
         if (training?.state === 'stopped') say('training', `The training has stopped at step ${training.step} of ${training.steps}.`);
         else clear('training');
         this.compare.setPhotos(new Map((photos ?? []).map((photo) => [photo.view, new URL(photo.url, base).href])));
-        if (asset?.url && asset.revision !== this.revision) {
+        if (asset?.url && asset.revision !== this.revision && !this.reading) {
             this.name = asset.name;
             this.revision = asset.revision;
+            this.reading = true;
             if (!this.viewer.info) this.wait('Reading the scene');
             this.viewer.open({ url: new URL(asset.url, base).href }, { keepPose: this.viewer.info !== null });
         } else if (!asset) {
@@ -98,6 +110,7 @@ class Page {
         const content = await file.arrayBuffer().catch(() => null);
         if (!content) return say('file', `${file.name} cannot be read.`, { error: true });
         this.pending = file.name;
+        this.reading = false;
         this.viewer.open({ bytes: content }, { whole: this.viewer.info !== null });
     }
 
@@ -129,6 +142,7 @@ class Page {
     }
 
     private loaded(): void {
+        this.reading = false;
         byId('progress').hidden = true;
         this.wait('');
     }
@@ -136,6 +150,9 @@ class Page {
     private failed(error: Error): void {
         byId('progress').hidden = true;
         this.wait('');
+        // What did not arrive is asked for again; what is damaged stays so.
+        if (this.reading && !(error instanceof SceneError)) this.revision = -1;
+        this.reading = false;
         const lost = this.viewer.renderer.gl.isContextLost();
         if (lost) return say('driver', 'The graphics driver has stopped.', { error: true, lasting: true, action: { label: 'Reload', run: () => location.reload() } });
         const name = this.pending || this.name;
@@ -183,7 +200,7 @@ class Page {
         const mode = radios(byId('mode'), [{ value: 'orbit', label: 'Orbit around the scene' }, { value: 'fly', label: 'Fly', key: 'F' }], 'orbit', (value) => {
             viewer.controls.mode = value;
         });
-        const home = () => viewer.home();
+        const home = () => cameras.home();
         const figures = byId('figures'), statistics = byId<HTMLInputElement>('statistics');
         const showStatistics = () => { figures.hidden = !statistics.checked; };
         statistics.checked = innerWidth > 640;

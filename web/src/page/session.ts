@@ -73,6 +73,7 @@ export function sessionUrl(page: URL): URL | null {
 export function watch(url: URL, events: SessionEvents): void {
     let answered = false, failures = 0;
     const ask = async (): Promise<void> => {
+        await visible();
         let pause = RUNNING_MS;
         try {
             const session = await fetchSession(url);
@@ -88,6 +89,12 @@ export function watch(url: URL, events: SessionEvents): void {
         setTimeout(ask, pause);
     };
     void ask();
+}
+
+/** Resolves when someone can see the page: the program makes scenes of a training only while it is asked. */
+function visible(): Promise<void> {
+    if (!document.hidden) return Promise.resolve();
+    return new Promise((resolve) => document.addEventListener('visibilitychange', () => resolve(), { once: true }));
 }
 
 async function fetchSession(url: URL): Promise<Session> {

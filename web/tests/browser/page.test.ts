@@ -38,6 +38,19 @@ async function drag(page: Page, dx: number, dy: number): Promise<void> {
     await page.mouse.up();
 }
 
+/** Counts the splats of every draw call, in `window.draws`. */
+function countDraws(): void {
+    const draws: number[] = [];
+    Object.assign(window, { draws });
+    const { prototype } = WebGL2RenderingContext;
+    const draw = prototype.drawArraysInstanced;
+    prototype.drawArraysInstanced = function (...args) {
+        draws.push(args[3]);
+        return draw.apply(this, args);
+    };
+}
+const draws = (page: Page) => page.evaluate(() => (window as unknown as { draws: number[] }).draws);
+
 /** Nothing went wrong, and nothing was asked of anyone but the page's own server. */
 function quiet({ errors, requests }: Opened, origin: string): void {
     expect(errors).toEqual([]);
@@ -61,7 +74,7 @@ describe.skipIf(!browserPath())('page', () => {
 
     test('draws each camera as the renderer does, and is moved by mouse and keys', async () => {
         const server = await driver.serve(LTGS);
-        const opened = await driver.open(server.url);
+        const opened = await driver.open(server.url, { init: countDraws });
         const { page } = opened;
         const expected = (name: string): Promise<Raster> => rendered(renderer, join(PACK, 'balanced.ltgs'), name, 800, 600).then((png) => driver.decode(png));
         const wide = await driver.canvas(page);
@@ -100,6 +113,11 @@ describe.skipIf(!browserPath())('page', () => {
         await page.click('#camera-name');
         await cameraIs(page, 'wide');
         expect(difference(await driver.canvas(page), wide).largest).toBe(0);
+        // A camera at rest costs nothing.
+        await page.waitForTimeout(1000);
+        const drawn = (await draws(page)).length;
+        await page.waitForTimeout(1000);
+        expect((await draws(page)).length).toBe(drawn);
         quiet(opened, server.origin);
     });
 
@@ -223,12 +241,26 @@ describe.skipIf(!browserPath())('page', () => {
         expect(difference(await driver.canvas(opened.page), await driver.canvas(served.page)).largest).toBe(0);
         expect(opened.requests.filter((url) => !url.startsWith('blob:'))).toEqual([pathToFileURL(file).href]);
         expect(opened.errors).toEqual([]);
+
+        writeFileSync(file, exported(LTGS, '').replace(/(;base64" id="litetex-asset">)..../, '$1!!!!'));
+        const damaged = await driver.open(pathToFileURL(file).href, { wait: false });
+        await says(damaged.page, 'The scene in this page is damaged.');
+    });
+
+    test('takes files where there is neither a scene nor a program', async () => {
+        const server = await driver.serve(LTGS);
+        const { page } = await driver.open(server.origin, { wait: false });
+        await page.waitForSelector('#welcome:not([hidden])');
+        expect(await text(page, 'messages')).toBe('');
+        const [chooser] = await Promise.all([page.waitForEvent('filechooser'), page.click('#welcome-open')]);
+        await chooser.setFiles({ name: 'scene.ltgs', mimeType: '', buffer: LTGS });
+        await driver.drawn(page);
     });
 
     test('shows a training: its state, new scenes with the camera kept, its end, and that of the program', async () => {
         const training = { step: 500, steps: 2000, etaSecs: 75, splats: 36, texels: 5628, curve: [[0, 12], [250, 20.5], [500, 24.25]], curveOf: 'psnr', state: 'running', revision: 1 };
         const server = await driver.serve(GLB, (s) => { s.session = { ...s.session, asset: null, training, title: 'my training' }; });
-        const { page, errors, requests } = await driver.open(server.url, { wait: false });
+        const { page, errors, requests } = await driver.open(server.url, { wait: false, init: countDraws });
         await page.waitForFunction(() => document.getElementById('waiting')!.textContent!.includes('first scene'));
         expect(await text(page, 'training-step')).toBe('500 / 2,000');
         expect(await text(page, 'training-facts')).toBe('Time left1 min 15 sSplats36Texels5,628');
@@ -257,6 +289,8 @@ describe.skipIf(!browserPath())('page', () => {
             second = await driver.canvas(page);
         }
         expect(difference(second, first).largest).toBe(0);
+        const shown = await draws(page);
+        expect(shown.slice(shown.indexOf(36)).every((splats) => splats === 36), 'an empty image between two scenes').toBe(true);
 
         server.asset = Buffer.from('in the middle of being written');
         server.session = { ...server.session, asset: { ...asset, revision: 4 }, training: { ...training, step: 1500, state: 'stopped' } };
