@@ -1,7 +1,6 @@
 /** What the objects that show the same scene share: its splats, their orders, and textures in each renderer. */
 
 import type { WebGLRenderer } from 'three';
-import { sliced } from '../core/read/splats';
 import type { Precision } from '../core/render/buffers';
 import type { SceneInfo, Splats, SplatUpdate } from '../core/scene';
 import { GpuScene, type VersionedUpdate } from './gpu';
@@ -37,21 +36,21 @@ export class SplatData {
         return last ? last.first + last.splats.count : 0;
     }
 
-    /** Splats, part by part, with the index of the first of each. */
+    /** Splats, part by part, with the index of the first of each. Their arrays may be longer than their `count` says. */
     get parts(): readonly { readonly first: number; readonly splats: Splats }[] {
         return this.updates.map(({ update }) => update);
     }
 
     apply(update: SplatUpdate): void {
         const { first } = update;
-        const splats = sliced(update.splats, 0, Math.max(0, Math.min(update.splats.count, this.maxSplats - first)));
+        const splats = shortened(update.splats, this.maxSplats - first);
         // A part that reaches beyond the first of the new ones loses its end.
         const kept = this.updates.filter((old) => old.update.first < first).map((old) => {
             const part = old.update;
-            return { ...old, update: { ...part, splats: sliced(part.splats, 0, Math.min(part.splats.count, first - part.first)) } };
+            return { ...old, update: { ...part, splats: shortened(part.splats, first - part.first) } };
         });
         this.updates = [...kept, { version: ++this.version, update: { ...update, splats } }];
-        this.orders.setPositions(first, splats.positions);
+        this.orders.setPositions(first, splats.positions.subarray(0, 3 * splats.count));
         this.changed();
     }
 
@@ -84,4 +83,8 @@ export class SplatData {
     private changed(): void {
         [...this.users.values()].forEach((changed) => changed());
     }
+}
+
+function shortened(splats: Splats, most: number): Splats {
+    return { ...splats, count: Math.max(0, Math.min(splats.count, most)) };
 }

@@ -4,6 +4,7 @@ import type { WebGLRenderer } from 'three';
 import { type Precision, SplatBuffers } from '../core/render/buffers';
 import { Pool } from '../core/render/pool';
 import type { SceneInfo } from '../core/scene';
+import { Composite } from './composite';
 import type { CameraOrder } from './orders';
 
 /** Orders of cameras that are kept on the GPU: enough for a view, a mirror and the six of a cube. */
@@ -19,9 +20,11 @@ export class GpuScene {
     /** Another one after the loss of the context, which all textures went with. */
     readonly state: WebGLRenderer['state'];
     private readonly orders = new Map<CameraOrder, { pool: Pool; version: number; splats: number; count: number }>();
+    readonly composite: Composite;
     private version = 0;
 
     constructor(private readonly renderer: WebGLRenderer, info: SceneInfo, precision: Precision, maxSplats: number) {
+        this.composite = new Composite(renderer);
         this.state = renderer.state;
         this.buffers = this.uploading((gl) => new SplatBuffers(gl, info, precision, maxSplats));
         renderer.info.memory.textures += 4;
@@ -59,7 +62,9 @@ export class GpuScene {
     dispose(): void {
         [...this.orders.keys()].forEach((order) => this.drop(order));
         this.renderer.info.memory.textures -= 4;
-        if (this.state === this.renderer.state) this.buffers.dispose();
+        const alive = this.state === this.renderer.state;
+        this.composite.dispose(alive);
+        if (alive) this.buffers.dispose();
     }
 
     private drop(order: CameraOrder): void {

@@ -1,19 +1,11 @@
 /** Loads files as objects of three.js. */
 
 import { Loader, type LoadingManager, Matrix4 } from 'three';
-import type { SceneInfo, SplatUpdate } from '../core/scene';
-import { SceneError } from '../core/scene';
-import type { FromWorker, Source } from '../core/worker/messages';
-import { readFrom } from '../core/worker/read-from';
-import { startWorker } from '../core/worker/start';
+import { openScene } from '../core/open';
+import type { SplatUpdate } from '../core/scene';
+import type { Source } from '../core/worker/messages';
 import type { SplatsOptions } from './data';
 import { LitetexSplats } from './splats';
-
-/** Takes parts of a file as they are read. */
-interface Receiver {
-    info(info: SceneInfo): void;
-    update(update: SplatUpdate): void;
-}
 
 /**
  * Loads `.ltgs` and `.glb` files. The object stands in the world of the file, with y up.
@@ -101,48 +93,16 @@ function placed(splats: LitetexSplats): LitetexSplats {
 export function loadSplats(source: Source, options: SplatsOptions, onUpdate: (splats: LitetexSplats, update: SplatUpdate) => boolean = () => true): Promise<LitetexSplats> {
     let splats: LitetexSplats | null = null;
     let isOurs = true;
-    const reading = receive(source, options.maxSplats ?? Infinity, {
-        info: (info) => {
-            splats = new LitetexSplats(info, options);
-            splats.loaded = reading;
-        },
-        update: (update) => {
-            splats!.apply(update);
-            isOurs = onUpdate(splats!, update);
-        },
-    });
+    const take = (update: SplatUpdate) => {
+        splats!.apply(update);
+        isOurs = onUpdate(splats!, update);
+    };
+    const reading = openScene(source, (info) => {
+        splats = new LitetexSplats(info, options);
+        splats.loaded = reading;
+    }, take, options.maxSplats).done;
     return reading.then(() => splats!, (error: unknown) => {
         if (isOurs) splats?.dispose();
         throw error;
     });
-}
-
-/** Reads a file in a worker, or here where the page allows none. Rejects as `readScene` does. */
-function receive(source: Source, maxSplats: number, to: Receiver): Promise<void> {
-    return new Promise((resolve, reject) => {
-        let worker: Worker | null = null;
-        const end = (settle: () => void) => {
-            worker?.terminate();
-            settle();
-        };
-        const take = (message: FromWorker) => {
-            try {
-                if (message.kind === 'info') to.info(message.info);
-                else if (message.kind === 'update') to.update(message.update);
-                else if (message.kind === 'done') end(resolve);
-                else if (message.kind === 'failed') end(() => reject(errorOf(message)));
-            } catch (error) {
-                end(() => reject(error));
-            }
-        };
-        worker = startWorker(take);
-        if (worker) worker.onerror = (event) => end(() => reject(new Error(`the worker that reads files has failed: ${event.message}`)));
-        if (worker) worker.postMessage({ kind: 'read', source, maxSplats }, 'bytes' in source ? [source.bytes] : []);
-        else void readFrom(source, maxSplats, take);
-    });
-}
-
-function errorOf({ name, errorKind, message }: Extract<FromWorker, { kind: 'failed' }>): Error {
-    if (errorKind === 'invalid' || errorKind === 'unsupported') return new SceneError(errorKind, message);
-    return Object.assign(new Error(message), { name });
 }

@@ -3,6 +3,7 @@
 import { CustomBlending, DoubleSide, ExternalTexture, GLSL3, Matrix3, OneFactor, OneMinusSrcAlphaFactor, RawShaderMaterial, Vector2, Vector3, type WebGLRenderer } from 'three';
 import { classColours, COLOURS, type Colours } from '../core/render/colours';
 import { SPLAT_SHADERS } from '../core/render/program';
+import { growthOf } from '../core/render/renderer';
 import type { SceneInfo } from '../core/scene';
 import type { GpuScene } from './gpu';
 import type { SplatView, Viewport } from './view';
@@ -39,7 +40,7 @@ export class SplatMaterial extends RawShaderMaterial {
             translation: { value: new Vector3() },
             cameraInData: { value: new Vector3() },
             near: { value: 0 },
-            growth: { value: 1 }, // of splats, where others are missing: growthOf in core/render/renderer.ts
+            growth: { value: 1 },
             filtered: { value: false },
             colours: { value: 0 },
             classColours: { value: classColours('trained') },
@@ -47,8 +48,8 @@ export class SplatMaterial extends RawShaderMaterial {
         };
     }
 
-    /** Prepares to draw `view` into a part of the target. */
-    set(view: SplatView, { x, y }: Viewport, info: SceneInfo, colours: Colours, conversion: number): void {
+    /** Prepares to draw `view` into a part of the target. `depths`: those that are white and black where colours show depth. */
+    set(view: SplatView, { x, y }: Viewport, info: SceneInfo, colours: Colours, conversion: number, depths: readonly [number, number]): void {
         const u = this.uniforms;
         const r = view.rotation;
         (u.cameraFromData.value as Matrix3).set(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8]);
@@ -60,7 +61,7 @@ export class SplatMaterial extends RawShaderMaterial {
         u.origin.value.set(x, y);
         u.depthFromInverse.value.fromArray(view.depthFromInverse);
         u.depthSlope.value.fromArray(view.depthSlope);
-        u.depthRange.value.set(Math.log(info.near), Math.log(1000 * info.near));
+        u.depthRange.value.set(Math.log(depths[0]), Math.log(depths[1]));
         u.near.value = info.near;
         u.filtered.value = info.filter === 'ewa';
         u.colours.value = COLOURS[colours];
@@ -70,7 +71,8 @@ export class SplatMaterial extends RawShaderMaterial {
         this.uniformsNeedUpdate = true;
     }
 
-    setTextures({ buffers }: GpuScene, order: WebGLTexture): void {
+    setTextures({ buffers }: GpuScene, order: WebGLTexture, info: SceneInfo): void {
+        this.uniforms.growth.value = growthOf(buffers.count, info.splats);
         for (const name of ['splats', 'sh', 'means', 'texels'] as const) this.textures[name].sourceTexture = buffers[name].texture;
         this.textures.order.sourceTexture = order;
     }

@@ -86,6 +86,14 @@ export class Orders {
     }
 
     private receive(message: FromWorker): void {
+        if (message.kind === 'failed') {
+            // The page lets no worker start: from now on orders are made here.
+            this.worker = null;
+            this.sorting = null;
+            this.waiting.clear();
+            this.generation++;
+            this.onOrder();
+        }
         if (message.kind !== 'order' || !this.sorting) return;
         const { order, view } = this.sorting;
         this.sorting = null;

@@ -48,10 +48,15 @@ export class LitetexSplats extends Mesh<InstancedBufferGeometry, SplatMaterial> 
     colours: Colours = 'trained';
     /**
      * What the target holds. `auto`: linear light in render targets and where `outputColorSpace` is linear, as three.js's
-     * own materials write it, else display values. Splats are trained on display values; in linear light their blending
-     * is an approximation, each colour being converted by itself.
+     * own materials write it, else display values.
      */
     targetColours: TargetColours = 'auto';
+    /**
+     * How colours are converted if the target holds others than the scene. `image` (default): as a whole, blended in a
+     * target of their own; in render targets only, not on the canvas. `splat`: each by itself, which is cheaper and
+     * changes what blending gives: 25 dB on a photographed scene.
+     */
+    conversion: 'image' | 'splat' = 'image';
     /**
      * When orders are made. `auto`: in a worker, so that images after a turn of less than 10 degrees may show the order of
      * a few frames before; `onUpdate` tells when it has come. `immediate`: before each image, for exact ones.
@@ -65,6 +70,7 @@ export class LitetexSplats extends Mesh<InstancedBufferGeometry, SplatMaterial> 
     boundingBox: Box3 | null = null;
     boundingSphere: Sphere | null = null;
     private readonly orders = new WeakMap<Camera, CameraOrder>();
+    private afterRender: (() => void) | null = null;
     private readonly warnings = new Set<string>();
     private readonly changed = () => {
         this.boundingBox = this.boundingSphere = null;
@@ -130,9 +136,18 @@ export class LitetexSplats extends Mesh<InstancedBufferGeometry, SplatMaterial> 
         this.data.orders.update(order, { axis: [r[6], r[7], r[8]], offset: view.translation[2] }, this.sorting === 'immediate');
         const { texture, count } = gpu.order(order);
         this.geometry.instanceCount = count;
-        this.material.setTextures(gpu, texture);
-        this.material.set(view, viewport, this.info, this.colours, this.conversion(renderer));
+        this.material.setTextures(gpu, texture, this.info);
+        const target = renderer.getRenderTarget();
+        const conversion = this.conversionFor(renderer);
+        const whole = conversion !== CONVERSION.none && this.conversion === 'image' && target !== null && gpu.composite.begin(target);
+        this.afterRender = whole ? () => gpu.composite.end(camera, conversion === CONVERSION.toLinear) : null;
+        this.material.set(view, viewport, this.info, this.colours, whole ? CONVERSION.none : conversion, this.colours === 'depth' ? this.depthRange(view.cameraInData) : [1, 2]);
         this.material.setLogarithmicDepth(renderer, (camera as PerspectiveCamera).far, view.scale);
+    }
+
+    override onAfterRender(): void {
+        this.afterRender?.();
+        this.afterRender = null;
     }
 
     /** Adds the surface that the ray meets: where its transmittance falls below one half. */
@@ -184,6 +199,7 @@ export class LitetexSplats extends Mesh<InstancedBufferGeometry, SplatMaterial> 
         Object.assign(this, { geometry, material });
         this.colours = source.colours;
         this.targetColours = source.targetColours;
+        this.conversion = source.conversion;
         this.sorting = source.sorting;
         this.loaded = source.loaded;
         return this;
@@ -201,16 +217,24 @@ export class LitetexSplats extends Mesh<InstancedBufferGeometry, SplatMaterial> 
         this.geometry.instanceCount = 0;
     }
 
-    private conversion(renderer: WebGLRenderer): number {
+    private conversionFor(renderer: WebGLRenderer): number {
         const linear = this.targetColours === 'auto' ? holdsLinearLight(renderer) : this.targetColours === 'linear';
         const isLinear = this.info.colourSpace === 'lin_rec709_display';
         if (linear === isLinear) return CONVERSION.none;
         return linear ? CONVERSION.toLinear : CONVERSION.toSrgb;
     }
 
+    /** Depths between which most of the scene lies. */
+    private depthRange(camera: readonly number[]): [near: number, far: number] {
+        if (!this.boundingSphere) this.computeBoundingSphere();
+        const { center, radius } = this.boundingSphere!;
+        const distance = Math.hypot(center.x - camera[0], center.y - camera[1], center.z - camera[2]);
+        return [Math.max(distance - radius, 0.05 * (distance + radius)), distance + radius];
+    }
+
     private positions(): Float32Array {
         const positions = new Float32Array(3 * this.splatCount);
-        for (const { first, splats } of this.data.parts) positions.set(splats.positions, 3 * first);
+        for (const { first, splats } of this.data.parts) positions.set(splats.positions.subarray(0, 3 * splats.count), 3 * first);
         return positions;
     }
 

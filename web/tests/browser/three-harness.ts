@@ -1,12 +1,15 @@
 /** Draws scenes with three.js and hands the images to the tests. */
 
 import {
-    Color, DataUtils, FloatType, Group, HalfFloatType, LinearSRGBColorSpace, Mesh, MeshBasicMaterial, Object3D, PerspectiveCamera, PlaneGeometry, Points, Scene, Vector2, WebGLRenderer,
-    WebGLRenderTarget, type WebGLRendererParameters,
+    ArrayCamera, Color, DataTexture, DataUtils, FloatType, Group, HalfFloatType, LinearSRGBColorSpace, Mesh, MeshBasicMaterial, Object3D, PerspectiveCamera, PlaneGeometry, Points, RGBAFormat,
+    Scene, SRGBColorSpace, Vector2, Vector4, WebGLRenderer, WebGLRenderTarget, type WebGLRendererParameters,
 } from 'three';
 import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
-import type { SceneCamera, SceneInfo } from '../../src/core/scene';
-import { LitetexGLTFExtension, LitetexLoader, LitetexSplats, type SplatsOptions } from '../../src/three';
+import { EffectComposer } from 'three/addons/postprocessing/EffectComposer.js';
+import { OutputPass } from 'three/addons/postprocessing/OutputPass.js';
+import { RenderPass } from 'three/addons/postprocessing/RenderPass.js';
+import type { SceneCamera, SceneInfo, Splats } from '../../src/core/scene';
+import { LitetexGLTFExtension, LitetexLoader, LitetexSplats, type Colours, type SplatsOptions } from '../../src/three';
 
 export interface Image {
     width: number;
@@ -15,7 +18,7 @@ export interface Image {
     rgb: string;
 }
 
-export type How = 'half' | 'full' | 'canvas' | 'linear' | 'linear-canvas';
+export type How = 'half' | 'full' | 'canvas' | 'linear' | 'linear-multisampled' | 'linear-splats' | 'linear-canvas' | 'composer-canvas';
 
 const EXACT: SplatsOptions = { precision: 'full' };
 
@@ -47,11 +50,20 @@ function drawn(renderer: WebGLRenderer, scene: Scene, camera: PerspectiveCamera,
     const { x: width, y: height } = renderer.getDrawingBufferSize(new Vector2());
     if (how === 'linear-canvas') renderer.outputColorSpace = LinearSRGBColorSpace;
     const onCanvas = how.endsWith('canvas');
-    const target = onCanvas ? null : new WebGLRenderTarget(width, height, { type: how === 'half' ? HalfFloatType : FloatType });
+    const target = onCanvas ? null : new WebGLRenderTarget(width, height, { type: how === 'full' || how === 'linear' ? FloatType : HalfFloatType, samples: how === 'linear-multisampled' ? 4 : 0 });
+    splats.conversion = how === 'linear-splats' ? 'splat' : 'image';
     splats.targetColours = how === 'half' || how === 'full' ? 'display' : 'auto';
     renderer.setRenderTarget(target);
-    renderer.render(scene, camera);
+    const composer = how === 'composer-canvas' ? new EffectComposer(renderer) : null;
+    composer?.addPass(new RenderPass(scene, camera));
+    composer?.addPass(new OutputPass());
+    // Twice: what the first image leaves in the renderer's state is wrong in the second, if at all.
+    for (let i = 0; i < 2; i++) {
+        if (composer) composer.render();
+        else renderer.render(scene, camera);
+    }
     const rgba = read(renderer, target, width, height);
+    composer?.dispose();
     target?.dispose();
     renderer.setRenderTarget(null);
     return { width, height, rgb: composed(rgba, width, height, splats.info.background, how.startsWith('linear')) };
@@ -111,8 +123,11 @@ export interface Shot {
     /** After the loss of the context. */
     restored?: boolean;
     control?: 'order' | 'mirrored';
+    colours?: Colours;
     renderer?: WebGLRendererParameters;
     /** A mesh of this colour over the whole image, behind all splats or in front of them. */
+    /** A mesh of the background's colour behind all splats. */
+    behind?: boolean;
     mesh?: { colour: [number, number, number]; distance: number };
 }
 
@@ -135,11 +150,14 @@ const scenarios = {
         splats.sorting = 'immediate';
         const camera = new PerspectiveCamera(50, 1, 1e-3, 1e4);
         splats.takeCamera(camera, of);
+        if (shot.colours) splats.colours = shot.colours;
         if (shot.control === 'mirrored') camera.projectionMatrix.elements[0] *= -1;
         if (shot.control === 'order') Reflect.set(Reflect.get(Reflect.get(splats, 'data'), 'orders'), 'update', (order: { order: Uint32Array }) => { order.order = Uint32Array.from({ length: splats.splatCount }, (_, i) => i); });
-        if (shot.mesh) {
-            const mesh = new Mesh(new PlaneGeometry(1e5, 1e5), new MeshBasicMaterial({ color: new Color(...shot.mesh.colour) }));
-            mesh.position.z = -shot.mesh.distance;
+        const { background } = splats.info;
+        const plane = shot.behind ? { colour: new Color().setRGB(...background, /^linear|^composer/.test(shot.how) ? SRGBColorSpace : LinearSRGBColorSpace).toArray(), distance: 9e4 } : shot.mesh;
+        if (plane) {
+            const mesh = new Mesh(new PlaneGeometry(5 * plane.distance, 5 * plane.distance), new MeshBasicMaterial({ color: new Color(...plane.colour) }));
+            mesh.position.z = -plane.distance;
             camera.far = 1e5;
             camera.updateProjectionMatrix();
             scene.add(camera.add(mesh));
@@ -153,7 +171,7 @@ const scenarios = {
     },
 
     /** Two views side by side in one frame, twice. */
-    async pair(url: string, views: [string, string]): Promise<Image[]> {
+    async pair(url: string, views: [string, string], asArray: boolean): Promise<Image[]> {
         const splats = await load(url, 'loader');
         const cameras = views.map((name) => cameraOf(splats, name));
         const renderer = rendererOf(cameras[0].widthPx + cameras[1].widthPx, Math.max(...cameras.map((camera) => camera.heightPx)));
@@ -167,6 +185,11 @@ const scenarios = {
         for (let frame = 0; frame < 2; frame++) {
             renderer.setScissorTest(false);
             renderer.clear();
+            if (asArray) {
+                cameras.forEach((of, i) => Object.assign(eyes[i], { viewport: new Vector4(i * cameras[0].widthPx, 0, of.widthPx, of.heightPx) }));
+                renderer.render(scene, new ArrayCamera(eyes));
+                continue;
+            }
             cameras.forEach((of, i) => {
                 renderer.setViewport(i * cameras[0].widthPx, 0, of.widthPx, of.heightPx);
                 renderer.setScissor(i * cameras[0].widthPx, 0, of.widthPx, of.heightPx);
@@ -209,17 +232,7 @@ const scenarios = {
 
     /** A disc turned by 45 degrees about y through a mesh that faces the camera: red of the middle row. */
     cut(parameters: WebGLRendererParameters): { row: number[]; reversed: boolean; logarithmic: boolean } {
-        const info = infoOf();
-        const splats = new LitetexSplats(info);
-        const half = Math.PI / 8;
-        splats.apply({
-            first: 0, bytes: 0, complete: true,
-            splats: {
-                count: 1, positions: new Float32Array([0, 0, -0.3]), rotations: new Float32Array([0, Math.sin(half), 0, Math.cos(half)]), scales: new Float32Array([0.1, 0.1]),
-                opacities: new Float32Array([1]), shDegrees: new Uint8Array(1), sh: new Float32Array(3).fill(0.5 / 0.28209479177387814), rows: new Uint16Array(1), cols: new Uint16Array(1),
-                texelSizes: new Float32Array(2), shifts: new Int16Array(2), texels: new Float32Array(0),
-            },
-        });
+        const splats = disc([1, 1, 1], -0.3, 0.1, Math.PI / 4);
         splats.scale.setScalar(10);
         splats.position.set(0.1, 0, 0);
         const mesh = new Mesh(new PlaneGeometry(20, 20), new MeshBasicMaterial({ color: 0 }));
@@ -236,6 +249,45 @@ const scenarios = {
         splats.dispose();
         renderer.dispose();
         return result;
+    },
+
+    /** The middle of a disc of 0.5, whose numbers are of one space, in a target of another. */
+    converted(colourSpace: SceneInfo['colourSpace'], how: 'target' | 'canvas'): number {
+        return middleOf(new Scene().add(disc([0.5, 0.5, 0.5], -1, 1, 0, { ...infoOf(), colourSpace })), how)[0];
+    },
+
+    /** Red in front of green, as two objects. */
+    stacked(greenLast: boolean): number[] {
+        const [red, green] = [disc([1, 0, 0], -1, 1), disc([0, 1, 0], -2, 1)];
+        green.renderOrder = greenLast ? 1 : 0;
+        return middleOf(new Scene().add(red, green), 'canvas');
+    },
+
+    /** Splats that arrive in parts, between frames in which three.js uploads a texture of its own. */
+    async parts(url: string, view: string): Promise<Image> {
+        const whole = await load(url, 'loader');
+        const of = cameraOf(whole, view);
+        const { splats: all } = (Reflect.get(whole, 'data') as { parts: { splats: Splats }[] }).parts[0];
+        const splats = new LitetexSplats(whole.info, EXACT);
+        splats.sorting = 'immediate';
+        const renderer = rendererOf(of.widthPx, of.heightPx);
+        const camera = new PerspectiveCamera(50, 1, 1e-3, 1e5);
+        splats.takeCamera(camera, of);
+        const map = new DataTexture(Float32Array.from({ length: 16 }, (_, i) => [...whole.info.background, 1][i % 4]), 2, 2, RGBAFormat, FloatType);
+        Object.assign(map, { flipY: true, premultiplyAlpha: true });
+        const mesh = new Mesh(new PlaneGeometry(4e5, 4e5), new MeshBasicMaterial({ map }));
+        mesh.position.z = -9e4;
+        const scene = new Scene().add(splats, camera.add(mesh));
+        let image: Image;
+        for (const [first, end] of [[0, 12], [12, 30], [7, 20], [20, all.count]]) {
+            splats.apply({ first, splats: partOf(all, first, end), bytes: 0, complete: true });
+            map.needsUpdate = true;
+            image = drawn(renderer, scene, camera, splats, 'full');
+        }
+        checked(renderer);
+        splats.dispose();
+        renderer.dispose();
+        return image!;
     },
 
     /** Textures of the renderer with splats, and after they are disposed of. */
@@ -299,6 +351,45 @@ const scenarios = {
         }
     },
 };
+
+function partOf(splats: Splats, first: number, end: number): Splats {
+    const before = (stop: number, width: (splat: number) => number) => Array.from({ length: stop }, (_, i) => width(i)).reduce((a, b) => a + b, 0);
+    const part = <T extends { subarray(from: number, to: number): T }>(array: T, width: (splat: number) => number) => array.subarray(before(first, width), before(end, width));
+    return {
+        count: end - first, positions: part(splats.positions, () => 3), rotations: part(splats.rotations, () => 4), scales: part(splats.scales, () => 2),
+        opacities: part(splats.opacities, () => 1), shDegrees: part(splats.shDegrees, () => 1), sh: part(splats.sh, (i) => 3 * (splats.shDegrees[i] + 1) ** 2),
+        rows: part(splats.rows, () => 1), cols: part(splats.cols, () => 1), texelSizes: part(splats.texelSizes, () => 2), shifts: part(splats.shifts, () => 2),
+        texels: part(splats.texels, (i) => 3 * splats.rows[i] * splats.cols[i]),
+    };
+}
+
+/** One disc in front of the camera, as wide as `sigma`, turned about y. */
+function disc(colour: readonly number[], z: number, sigma: number, turn = 0, info = infoOf()): LitetexSplats {
+    const splats = new LitetexSplats(info, EXACT);
+    splats.apply({
+        first: 0, bytes: 0, complete: true,
+        splats: {
+            count: 1, positions: new Float32Array([0, 0, z]), rotations: new Float32Array([0, Math.sin(turn / 2), 0, Math.cos(turn / 2)]), scales: new Float32Array([sigma, sigma]),
+            opacities: new Float32Array([1]), shDegrees: new Uint8Array(1), sh: Float32Array.from(colour, (c) => (c - 0.5) / 0.28209479177387814), rows: new Uint16Array(1),
+            cols: new Uint16Array(1), texelSizes: new Float32Array(2), shifts: new Int16Array(2), texels: new Float32Array(0),
+        },
+    });
+    return splats;
+}
+
+/** The middle of the image of some discs, RGBA. */
+function middleOf(scene: Scene, how: 'target' | 'canvas'): number[] {
+    const renderer = rendererOf(32, 32);
+    const target = how === 'canvas' ? null : new WebGLRenderTarget(32, 32, { type: FloatType });
+    renderer.setRenderTarget(target);
+    renderer.render(scene, new PerspectiveCamera(50, 1, 0.01, 100));
+    const rgba = read(renderer, target, 32, 32);
+    checked(renderer);
+    scene.children.forEach((object) => (object as LitetexSplats).dispose());
+    target?.dispose();
+    renderer.dispose();
+    return [...rgba.subarray(4 * (16 * 32 + 16), 4 * (16 * 32 + 17))];
+}
 
 function infoOf(): SceneInfo {
     return {
