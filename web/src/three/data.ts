@@ -42,6 +42,7 @@ export class SplatData {
     }
 
     apply(update: SplatUpdate): void {
+        if (this.disposed) return; // the rest of a file that nobody wants any more
         const { first } = update;
         const splats = shortened(update.splats, this.maxSplats - first);
         // A part that reaches beyond the first of the new ones loses its end.

@@ -117,9 +117,9 @@ export class LitetexSplats extends Mesh<InstancedBufferGeometry, SplatMaterial> 
         if (!(renderer as { isWebGLRenderer?: boolean }).isWebGLRenderer) {
             throw new Error('LitetexSplats can be drawn by WebGLRenderer only: its shaders are GLSL, which WebGPURenderer does not take');
         }
-        if ((material as unknown) !== this.material) return; // another one in its place draws nothing
         this.geometry.instanceCount = 0;
-        if (this.data.disposed) return;
+        // An override material draws nothing.
+        if ((material as unknown) !== this.material || this.data.disposed) return;
         if (renderer.state.buffers.depth.getReversed() && !camera.reversedDepth) {
             // What the renderer does to cameras a moment later.
             (camera as unknown as { _reversedDepth: boolean })._reversedDepth = true;

@@ -122,7 +122,8 @@ export interface Shot {
     parent?: boolean;
     /** After the loss of the context. */
     restored?: boolean;
-    control?: 'order' | 'mirrored';
+    /** `upside-down`: no damage, but a camera whose image is turned by half a turn, as those of cubes are. */
+    control?: 'order' | 'mirrored' | 'upside-down';
     colours?: Colours;
     renderer?: WebGLRendererParameters;
     /** A mesh of this colour over the whole image, behind all splats or in front of them. */
@@ -152,7 +153,11 @@ const scenarios = {
         splats.takeCamera(camera, of);
         if (shot.colours) splats.colours = shot.colours;
         if (shot.control === 'mirrored') camera.projectionMatrix.elements[0] *= -1;
-        if (shot.control === 'order') Reflect.set(Reflect.get(Reflect.get(splats, 'data'), 'orders'), 'update', (order: { order: Uint32Array }) => { order.order = Uint32Array.from({ length: splats.splatCount }, (_, i) => i); });
+        if (shot.control === 'upside-down') for (const i of [0, 5, 8, 9]) camera.projectionMatrix.elements[i] *= -1;
+        if (shot.control === 'order') {
+            const update = (order: { order: Uint32Array }) => { order.order = Uint32Array.from({ length: splats.splatCount }, (_, i) => i); };
+            Reflect.set(Reflect.get(Reflect.get(splats, 'data'), 'orders'), 'update', update);
+        }
         const { background } = splats.info;
         const plane = shot.behind ? { colour: new Color().setRGB(...background, /^linear|^composer/.test(shot.how) ? SRGBColorSpace : LinearSRGBColorSpace).toArray(), distance: 9e4 } : shot.mesh;
         if (plane) {
@@ -231,13 +236,15 @@ const scenarios = {
     },
 
     /** A disc turned by 45 degrees about y through a mesh that faces the camera: red of the middle row. */
-    cut(parameters: WebGLRendererParameters): { row: number[]; reversed: boolean; logarithmic: boolean } {
+    cut(parameters: WebGLRendererParameters, tilted: boolean): { row: number[]; reversed: boolean; logarithmic: boolean } {
         const splats = disc([1, 1, 1], -0.3, 0.1, Math.PI / 4);
         splats.scale.setScalar(10);
         splats.position.set(0.1, 0, 0);
         const mesh = new Mesh(new PlaneGeometry(20, 20), new MeshBasicMaterial({ color: 0 }));
         mesh.position.z = -3;
         const camera = new PerspectiveCamera(60, 1, 0.1, 100);
+        // As mirrors tilt the near plane.
+        if (tilted) [2, 6, 10, 14].forEach((i, k) => { camera.projectionMatrix.elements[i] = [0.3, -0.2, -0.9, -0.5][k]; });
         const renderer = rendererOf(64, 64, parameters);
         renderer.render(new Scene().add(mesh, splats), camera);
         const rgba = read(renderer, null, 64, 64);

@@ -2,6 +2,7 @@
 
 import { join } from 'node:path';
 import { afterAll, beforeAll, describe, expect, test } from 'vitest';
+import type { WebGLRendererParameters } from 'three';
 import { BrowserTest, browserPath } from './browser';
 import { compare, reference, type FloatImage } from './reference';
 import type { Image, Scenarios, Shot } from './three-harness';
@@ -53,6 +54,11 @@ describe.skipIf(!browserPath())('three.js', () => {
     test('floats and full precision show the reference to rounding', async () => expect(await shot('lossless.glb', { how: 'full' })).toBeGreaterThan(80));
     test('textures of half floats do', async () => expect(await shot('lossless.glb', { options: {} })).toBeGreaterThan(55));
     test('under a parent that is moved, turned and scaled the image is the same', async () => expect(await shot('lossless.glb', { parent: true, view: 'inside' })).toBeGreaterThan(55));
+    test('cameras like those of a cube, whose images are upside down', async () => {
+        const image = rgbOf(await run('image', { url: url('lossless.glb'), view: 'wide', how: 'half', control: 'upside-down' }));
+        const turned = image.map((_, i) => image[image.length - 3 - i + 2 * (i % 3)]);
+        expect(compare(turned, expected('lossless.glb', 'wide').rgb).psnr).toBeGreaterThan(55);
+    });
     test('a canvas of two pixels per CSS pixel', async () => expect(await shot('lossless.glb', { pixelRatio: 2, how: 'canvas' })).toBeGreaterThan(45));
     test('after the loss of the context', async () => expect(await shot('lossless.glb', { restored: true })).toBeGreaterThan(55));
     test('multisampling changes nothing', async () => expect(await shot('lossless.glb', { renderer: { antialias: true }, how: 'canvas' })).toBeGreaterThan(45));
@@ -85,8 +91,9 @@ describe.skipIf(!browserPath())('three.js', () => {
         expect(await shot('lossless.glb', { how: 'full', behind: true })).toBeGreaterThan(80);
     });
 
-    test.each([{}, { reversedDepthBuffer: true }, { logarithmicDepthBuffer: true }])('a mesh cuts a splat along its plane: %o', async (parameters) => {
-        const { row, reversed, logarithmic } = await run('cut', parameters);
+    const depths: [WebGLRendererParameters, boolean][] = [[{}, false], [{}, true], [{ reversedDepthBuffer: true }, false], [{ logarithmicDepthBuffer: true }, false]];
+    test.each(depths)('a mesh cuts a splat along its plane: %o, tilted near plane: %s', async (parameters, tilted) => {
+        const { row, reversed, logarithmic } = await run('cut', parameters, tilted);
         expect([reversed, logarithmic]).toEqual([Boolean(parameters.reversedDepthBuffer), Boolean(parameters.logarithmicDepthBuffer)]);
         // The disc comes nearer than the mesh to the left of x = 0.1, which is seen 1.85 px from the middle.
         expect(row.slice(28, 34).every((red) => red > 0.5)).toBe(true);
@@ -132,7 +139,7 @@ describe.skipIf(!browserPath())('three.js', () => {
         expect(scale).toBeGreaterThan(0);
     });
 
-    test('files of other kinds are refused', async () => expect(await run('failure', url('wide.png'))).toMatch(/SceneError: .*PNG/));
+    test('files of other kinds are refused', async () => expect(await run('failure', url('wide.png'))).toMatch(/SceneError: .*image/));
     test('WebGPURenderer is refused', async () => expect(await run('webgpu')).toContain('WebGLRenderer only'));
     test('the page shows no errors', () => expect(browser.errors).toEqual([]));
 });
