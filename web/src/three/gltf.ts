@@ -2,7 +2,7 @@
 
 import { Group, LoaderUtils, type Object3D } from 'three';
 import type { GLTFLoaderPlugin, GLTFParser } from 'three/addons/loaders/GLTFLoader.js';
-import { EXTENSION, KHR } from '../core/read/gltf/document';
+import { EXTENSION, KHR } from '../core/read/gltf/names';
 import type { SplatsOptions } from './data';
 import { loadSplats } from './loader';
 import { packGlb, type Root } from './pack-glb';

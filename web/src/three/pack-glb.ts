@@ -1,6 +1,6 @@
 /** One primitive of a glTF file as a file of its own. */
 
-import { EXTENSION, KHR } from '../core/read/gltf/document';
+import { EXTENSION, KHR } from '../core/read/gltf/names';
 
 type Json = Record<string, unknown>;
 
