@@ -16,12 +16,17 @@ export function openScene(
     let worker: Worker | null = null;
     const done = new Promise<void>((resolve, reject) => {
         worker = startWorker((message) => {
-            if (message.kind === 'info') onInfo(message.info);
-            if (message.kind === 'update') onUpdate(message.update);
-            if (message.kind === 'done') resolve();
+            try {
+                if (message.kind === 'info') onInfo(message.info);
+                if (message.kind === 'update') onUpdate(message.update);
+            } catch (error) {
+                worker?.terminate();
+                reject(error); // the caller's own
+            }
             if (message.kind === 'failed') {
                 reject(message.errorKind ? new SceneError(message.errorKind as SceneError['kind'], message.message) : new Error(message.message));
             }
+            if (message.kind === 'done') resolve();
             if (message.kind === 'done' || message.kind === 'failed') worker?.terminate();
         });
         worker?.postMessage({ kind: 'read', source, maxSplats }, 'bytes' in source ? [source.bytes] : []);
