@@ -95,7 +95,8 @@ class Page {
             if (!this.viewer.info) this.wait('Reading the scene');
             this.viewer.open({ url: new URL(asset.url, base).href }, { keepPose: this.viewer.info !== null });
         } else if (!asset) {
-            this.wait(training?.state === 'running' ? 'Waiting for the first scene of the training' : 'There is no scene yet');
+            if (training) this.wait(training.state === 'running' ? 'Waiting for the first scene of the training' : 'There is no scene');
+            else this.welcome();
         }
         this.showTitle();
     }
