@@ -3,7 +3,6 @@
 import { CustomBlending, DoubleSide, ExternalTexture, GLSL3, Matrix3, OneFactor, OneMinusSrcAlphaFactor, RawShaderMaterial, Vector2, Vector3, type WebGLRenderer } from 'three';
 import { classColours, COLOURS, type Colours } from '../core/render/colours';
 import { SPLAT_SHADERS } from '../core/render/program';
-import { growthOf } from '../core/render/renderer';
 import type { SceneInfo } from '../core/scene';
 import type { GpuScene } from './gpu';
 import type { SplatView, Viewport } from './view';
@@ -41,6 +40,7 @@ export class SplatMaterial extends RawShaderMaterial {
             cameraInData: { value: new Vector3() },
             near: { value: 0 },
             growth: { value: 1 },
+            grown: { value: 0 },
             filtered: { value: false },
             colours: { value: 0 },
             classColours: { value: classColours('trained') },
@@ -71,8 +71,9 @@ export class SplatMaterial extends RawShaderMaterial {
         this.uniformsNeedUpdate = true;
     }
 
-    setTextures({ buffers }: GpuScene, order: WebGLTexture, info: SceneInfo): void {
-        this.uniforms.growth.value = growthOf(buffers.count, info.splats);
+    setTextures({ buffers }: GpuScene, order: WebGLTexture): void {
+        this.uniforms.growth.value = buffers.growth;
+        this.uniforms.grown.value = buffers.grown;
         for (const name of ['splats', 'sh', 'means', 'texels'] as const) this.textures[name].sourceTexture = buffers[name].texture;
         this.textures.order.sourceTexture = order;
     }

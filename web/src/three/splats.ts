@@ -136,7 +136,7 @@ export class LitetexSplats extends Mesh<InstancedBufferGeometry, SplatMaterial> 
         this.data.orders.update(order, { axis: [r[6], r[7], r[8]], offset: view.translation[2] }, this.sorting === 'immediate');
         const { texture, count } = gpu.order(order);
         this.geometry.instanceCount = count;
-        this.material.setTextures(gpu, texture, this.info);
+        this.material.setTextures(gpu, texture);
         const target = renderer.getRenderTarget();
         const conversion = this.conversionFor(renderer);
         const whole = conversion !== CONVERSION.none && this.conversion === 'image' && target !== null && gpu.composite.begin(target);

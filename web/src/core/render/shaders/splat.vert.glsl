@@ -29,7 +29,8 @@ uniform float near; // units of the data
 uniform vec2 depthFromInverse; // depth of clip space = x + y / distance along the axis + depthSlope . (px from the principal point)
 uniform vec2 depthSlope; // per px, right and down: 0 but for near planes that are not parallel to the image
 uniform bool filtered; // "ewa"
-uniform float growth; // of splats, where others are missing
+uniform float growth; // of the first `grown` splats, where others are missing
+uniform uint grown;
 uniform int colours; // COLOURS_*, see colours.ts
 uniform vec3 classColours[9];
 
@@ -137,7 +138,8 @@ void main() {
     vec4 rotation = uintBitsToFloat(texelFetch(splats, at + ivec2(1, 0), 0));
     vec4 third = uintBitsToFloat(texelFetch(splats, at + ivec2(2, 0), 0));
     uvec4 last = texelFetch(splats, at + ivec2(3, 0), 0);
-    vec2 sigma = growth * third.xy, texelSize = growth * third.zw;
+    third *= splat < grown ? growth : 1.0;
+    vec2 sigma = third.xy, texelSize = third.zw;
 
     vec3 p = cameraFromData * position + translation;
     if (!(p.z >= near) || opacity < ALPHA_MIN) return;
