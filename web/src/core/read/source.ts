@@ -68,11 +68,10 @@ export class Source {
 
   private drop(count: number): void {
     this.taken += count;
-    while (count > 0) {
-      const piece = this.pieces.shift()!;
-      if (piece.length > count) this.pieces.unshift(piece.subarray(count));
-      count -= piece.length;
-    }
+    let whole = 0;
+    for (; count > 0 && count >= this.pieces[whole].length; whole += 1) count -= this.pieces[whole].length;
+    this.pieces.splice(0, whole);
+    if (count > 0) this.pieces[0] = this.pieces[0].subarray(count);
   }
 }
 

@@ -3,7 +3,8 @@ import { check, support } from '../errors';
 import { type Json, objectOf } from '../json';
 import { F32_MIN } from '../ltgs/math';
 import { shWidth } from '../splats';
-import { type Accessor, type Document, F32, I16, I8, KHR, U16, U8, numbersAt } from './document';
+import { type Accessor, type Document, F32, I16, I8, U16, U8, numbersAt } from './document';
+import { KHR } from './names';
 
 /** Where the attributes of splats lie (`gltf.md`, section 2). */
 export interface Attributes {

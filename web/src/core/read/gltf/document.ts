@@ -1,8 +1,8 @@
 import { check, support } from '../errors';
 import { type Json, listOf, objectOf, textOf, wholeOf } from '../json';
+import { EXTENSION, KHR } from './names';
 
-export const KHR = 'KHR_gaussian_splatting';
-export const EXTENSION = 'LITETEX_gaussian_splatting_texture';
+export { EXTENSION, KHR };
 
 /** Extensions that a file may require. */
 const UNDERSTOOD = [KHR, EXTENSION, 'KHR_mesh_quantization', 'KHR_materials_unlit'];

@@ -4,7 +4,8 @@ import { type Json, choiceOf, memberOf, objectOf, textOf, wholeOf } from '../jso
 import { COLOUR_SPACES, type Meta, readMeta } from '../meta';
 import { IDENTITY } from '../transform';
 import { type Attributes, findAttributes } from './attributes';
-import { type Document, EXTENSION, KHR } from './document';
+import type { Document } from './document';
+import { EXTENSION, KHR } from './names';
 import { worldFromMesh } from './node';
 
 /** Version of our extension that is read. */
