@@ -49,7 +49,7 @@ test('files of other formats are told from damaged ones', async () => {
 
 /** One to four changes; `others` lend bytes. */
 function mutated(original: Uint8Array, others: readonly Uint8Array[], random: (bound: number) => number): Uint8Array {
-  let bytes = original.slice();
+  let bytes: Uint8Array = original.slice();
   // Half of them near the beginning, where headers and tables are.
   const place = (size: number): number => random(random(2) === 0 ? Math.min(size, 512) : size);
   const spliced = (at: number, removed: number, added: Uint8Array): Uint8Array =>
