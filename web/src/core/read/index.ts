@@ -16,16 +16,16 @@ export { SceneSplats, concatenate } from './splats';
  * with the error of a stream that fails. What was given in updates before can be shown.
  */
 export async function readScene(
-  from: ArrayBuffer | Uint8Array | ReadableStream<Uint8Array>,
-  options: ReadOptions = {},
+    from: ArrayBuffer | Uint8Array | ReadableStream<Uint8Array>,
+    options: ReadOptions = {},
 ): Promise<SceneInfo> {
-  const { source, close } = openSource(from, options.signal);
-  try {
-    const head = await source.peek(HEAD_BYTES);
-    const magic = String.fromCharCode(...head.subarray(0, 4));
-    support(magic === 'LTGS' || magic === 'glTF', 'file', nameOf(head), '.ltgs or .glb');
-    return await (magic === 'LTGS' ? readLtgs : readGlb)(source, options);
-  } finally {
-    close();
-  }
+    const { source, close } = openSource(from, options.signal);
+    try {
+        const head = await source.peek(HEAD_BYTES);
+        const magic = String.fromCharCode(...head.subarray(0, 4));
+        support(magic === 'LTGS' || magic === 'glTF', 'file', nameOf(head), '.ltgs or .glb');
+        return await (magic === 'LTGS' ? readLtgs : readGlb)(source, options);
+    } finally {
+        close();
+    }
 }

@@ -13,7 +13,7 @@ const DECODED_MAX = 2 ** 32;
  * ratio alone would refuse valid files.
  */
 export function checkMemory(splats: number, texels: number, shDegree: number, fileBytes: number): void {
-  const bytes = splats * (61 + 4 * shWidth(shDegree)) + 12 * texels;
-  const most = Math.min(DECODED_MAX, SMALL_BYTES + EXPANSION_MAX * fileBytes);
-  support(bytes <= most, `bytes of ${splats} splats and ${texels} texels`, bytes, `at most ${most} in such a file`);
+    const bytes = splats * (61 + 4 * shWidth(shDegree)) + 12 * texels;
+    const most = Math.min(DECODED_MAX, SMALL_BYTES + EXPANSION_MAX * fileBytes);
+    support(bytes <= most, `bytes of ${splats} splats and ${texels} texels`, bytes, `at most ${most} in such a file`);
 }

@@ -1,56 +1,57 @@
 import type { Provenance, SceneCamera, SceneInfo } from '../scene';
 import { check } from './errors';
 import { choiceOf, listOf, numberOf, numbersOf, objectOf, textOf, wholeOf } from './json';
+import { F32_MAX } from './ltgs/math';
 import { flipped, product, similarityOf } from './transform';
 
 export const COLOUR_SPACES = ['srgb_rec709_display', 'lin_rec709_display'] as const;
 
 /** What `meta` says of a scene, with y up. */
 export type Meta = Pick<
-  SceneInfo,
-  'near' | 'filter' | 'background' | 'colourSpace' | 'worldFromData' | 'cameras' | 'provenance'
+    SceneInfo,
+    'near' | 'filter' | 'background' | 'colourSpace' | 'worldFromData' | 'cameras' | 'provenance'
 >;
 
 /** Reads the object `meta` (`gltf.md`, section 8). */
 export function readMeta(value: unknown): Meta {
-  const meta = objectOf(value, 'meta');
-  const capture = similarityOf(meta.captureFromLocal, 'captureFromLocal');
-  const { worldFromCapture } = meta;
-  const world = worldFromCapture === undefined ? capture : product(similarityOf(worldFromCapture, 'worldFromCapture'), capture);
-  return {
-    near: Math.fround(numberOf(meta.near, 'near', 0, 1e38)),
-    background: numbersOf(meta.background, 'background', 3, 0, 1).map(Math.fround) as [number, number, number],
-    filter: choiceOf(meta.filter, 'filter', ['none', 'ewa']),
-    colourSpace: choiceOf(meta.colourSpace, 'colourSpace', COLOUR_SPACES),
-    worldFromData: flipped(world),
-    cameras: listOf(meta.cameras, 'cameras').map(readCamera),
-    provenance: readProvenance(meta.provenance),
-  };
+    const meta = objectOf(value, 'meta');
+    const capture = similarityOf(meta.captureFromLocal, 'captureFromLocal');
+    const { worldFromCapture } = meta;
+    const world = worldFromCapture === undefined ? capture : product(similarityOf(worldFromCapture, 'worldFromCapture'), capture);
+    return {
+        near: Math.fround(numberOf(meta.near, 'near', 0, F32_MAX)),
+        background: numbersOf(meta.background, 'background', 3, 0, 1).map(Math.fround) as [number, number, number],
+        filter: choiceOf(meta.filter, 'filter', ['none', 'ewa']),
+        colourSpace: choiceOf(meta.colourSpace, 'colourSpace', COLOUR_SPACES),
+        worldFromData: flipped(world),
+        cameras: listOf(meta.cameras, 'cameras').map(readCamera),
+        provenance: readProvenance(meta.provenance),
+    };
 }
 
 /** A camera; `camera_from_data` is `camera_from_local` after half a turn about x (section 4). */
 function readCamera(value: unknown): SceneCamera {
-  const camera = objectOf(value, 'camera');
-  const rows = listOf(camera.rotationRows, 'rotationRows');
-  check(rows.length === 3, 'rotationRows', rows, '3 rows');
-  return {
-    name: textOf(camera.name, 'camera'),
-    widthPx: wholeOf(camera.widthPx, 'widthPx'),
-    heightPx: wholeOf(camera.heightPx, 'heightPx'),
-    focalPx: numbersOf(camera.focalPx, 'focalPx', 2) as [number, number],
-    principalPx: numbersOf(camera.principalPx, 'principalPx', 2) as [number, number],
-    rotation: rows.flatMap((row) => numbersOf(row, 'rotationRows', 3).map((v, i) => (i > 0 ? 0 - v : v))),
-    translation: numbersOf(camera.translation, 'translation', 3) as [number, number, number],
-    heldOut: camera.heldOut === true,
-  };
+    const camera = objectOf(value, 'camera');
+    const rows = listOf(camera.rotationRows, 'rotationRows');
+    check(rows.length === 3, 'rotationRows', rows, '3 rows');
+    return {
+        name: textOf(camera.name, 'camera'),
+        widthPx: wholeOf(camera.widthPx, 'widthPx'),
+        heightPx: wholeOf(camera.heightPx, 'heightPx'),
+        focalPx: numbersOf(camera.focalPx, 'focalPx', 2) as [number, number],
+        principalPx: numbersOf(camera.principalPx, 'principalPx', 2) as [number, number],
+        rotation: rows.flatMap((row) => numbersOf(row, 'rotationRows', 3).map((v, i) => (i > 0 ? 0 - v : v))),
+        translation: numbersOf(camera.translation, 'translation', 3) as [number, number, number],
+        heldOut: camera.heldOut === true,
+    };
 }
 
 function readProvenance(value: unknown): Provenance {
-  const provenance = objectOf(value, 'provenance');
-  const facts = Object.entries(objectOf(provenance.training, 'training'));
-  const names = ['title', 'author', 'licence', 'source', 'programVersion'];
-  return Object.fromEntries([
-    ...names.map((name) => [name, textOf(provenance[name], name)]),
-    ['training', Object.fromEntries(facts.map(([name, fact]) => [name, textOf(fact, 'training')]))],
-  ]) as unknown as Provenance;
+    const provenance = objectOf(value, 'provenance');
+    const facts = Object.entries(objectOf(provenance.training, 'training'));
+    const names = ['title', 'author', 'licence', 'source', 'programVersion'];
+    return Object.fromEntries([
+        ...names.map((name) => [name, textOf(provenance[name], name)]),
+        ['training', Object.fromEntries(facts.map(([name, fact]) => [name, textOf(fact, 'training')]))],
+    ]) as unknown as Provenance;
 }

@@ -2,17 +2,17 @@ import type { SceneInfo, SplatUpdate } from '../scene';
 
 /** How to read a scene. */
 export interface ReadOptions {
-  /** Called once, before any update. */
-  readonly onInfo?: (info: SceneInfo) => void;
-  /** Called as splats arrive. Arrays must stay as they are until reading has ended. */
-  readonly onUpdate?: (update: SplatUpdate) => void;
-  /** Called with a text about a file that is shown, but is not as it should be. */
-  readonly onWarning?: (text: string) => void;
-  /** Splats that are wanted: the first ones, which contribute most in files with layers. Default: all. */
-  readonly maxSplats?: number;
-  /** Bytes of the file, if they are known before it has arrived: a small file cannot claim to be large then. */
-  readonly fileBytes?: number;
-  readonly signal?: AbortSignal;
-  /** Whether the hash over all decoded numbers is checked, where all are read. Default: yes. */
-  readonly checkHash?: boolean;
+    /** Called once, before any update. */
+    readonly onInfo?: (info: SceneInfo) => void;
+    /** Called as splats arrive. Arrays must stay as they are until reading has ended. */
+    readonly onUpdate?: (update: SplatUpdate) => void;
+    /** Called with a text about a file that is shown, but is not as it should be. */
+    readonly onWarning?: (text: string) => void;
+    /** Splats that are wanted: the first ones, which contribute most in files with layers. Default: all. */
+    readonly maxSplats?: number;
+    /** Bytes of the file, if they are known before it has arrived: a small file cannot claim to be large then. */
+    readonly fileBytes?: number;
+    readonly signal?: AbortSignal;
+    /** Whether the hash over all decoded numbers is checked, where all are read. Default: yes. */
+    readonly checkHash?: boolean;
 }

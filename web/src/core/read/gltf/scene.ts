@@ -13,76 +13,76 @@ const VERSION = 2;
 
 /** The splats of a file: what its JSON says. */
 export interface Found {
-  readonly attributes: Attributes;
-  /** Our extension; null without one that can be read. */
-  readonly ours: Json | null;
-  /** Whether the file was written as ours, so that the third scale means nothing. */
-  readonly isOurs: boolean;
-  readonly untextured: string | null;
-  readonly colourSpace: SceneInfo['colourSpace'];
-  /** By the node; null if no node shows the splats. */
-  readonly worldFromData: SceneInfo['worldFromData'] | null;
+    readonly attributes: Attributes;
+    /** Our extension; null without one that can be read. */
+    readonly ours: Json | null;
+    /** Whether the file was written as ours, so that the third scale means nothing. */
+    readonly isOurs: boolean;
+    readonly untextured: string | null;
+    readonly colourSpace: SceneInfo['colourSpace'];
+    /** By the node; null if no node shows the splats. */
+    readonly worldFromData: SceneInfo['worldFromData'] | null;
 }
 
 /** Finds the only primitive of splats. */
 export function findScene(document: Document): Found {
-  const primitives = document.list('meshes').flatMap((mesh, i) => {
-    const { primitives: own } = objectOf(mesh, 'mesh');
-    return Array.isArray(own) ? own.map((primitive) => ({ mesh: i, primitive: objectOf(primitive, 'primitive') })) : [];
-  });
-  const splatting = (primitive: Json): unknown => memberOf(primitive.extensions, KHR);
-  const ofSplats = primitives.filter(({ primitive }) => splatting(primitive) !== undefined);
-  const lost = primitives.flatMap(({ primitive }) => lossOf(primitive) ?? []);
-  check(ofSplats.length > 0 || lost.length === 0, 'primitives of splats', lost[0], KHR);
-  support(ofSplats.length === 1, `primitives with ${KHR}`, ofSplats.length, 1);
-  const { mesh, primitive } = ofSplats[0];
-  check(primitive.mode === 0, 'mode of splats', primitive.mode, '0 (POINTS)');
-  const khr = objectOf(splatting(primitive), KHR);
-  const ours = memberOf(khr.extensions, EXTENSION);
-  const version = ours === undefined ? null : wholeOf(objectOf(ours, EXTENSION).version, 'version');
-  const loss = lossOf(primitive);
-  const isRead = version === VERSION;
-  return {
-    attributes: findAttributes(document, primitive),
-    ours: isRead ? (ours as Json) : null,
-    isOurs: version !== null || loss !== null,
-    untextured: isRead ? null : version === null ? loss : `textures of version ${version}, this reader knows version ${VERSION}`,
-    colourSpace: choiceOf(khr.colorSpace, 'colorSpace', COLOUR_SPACES),
-    worldFromData: worldFromMesh(document, mesh),
-  };
+    const primitives = document.list('meshes').flatMap((mesh, i) => {
+        const { primitives: own } = objectOf(mesh, 'mesh');
+        return Array.isArray(own) ? own.map((primitive) => ({ mesh: i, primitive: objectOf(primitive, 'primitive') })) : [];
+    });
+    const splatting = (primitive: Json): unknown => memberOf(primitive.extensions, KHR);
+    const ofSplats = primitives.filter(({ primitive }) => splatting(primitive) !== undefined);
+    const lost = primitives.flatMap(({ primitive }) => lossOf(primitive) ?? []);
+    check(ofSplats.length > 0 || lost.length === 0, 'primitives of splats', lost[0], KHR);
+    support(ofSplats.length === 1, `primitives with ${KHR}`, ofSplats.length, 1);
+    const { mesh, primitive } = ofSplats[0];
+    check(primitive.mode === 0, 'mode of splats', primitive.mode, '0 (POINTS)');
+    const khr = objectOf(splatting(primitive), KHR);
+    const ours = memberOf(khr.extensions, EXTENSION);
+    const version = ours === undefined ? null : wholeOf(objectOf(ours, EXTENSION).version, 'version');
+    const loss = lossOf(primitive);
+    const isRead = version === VERSION;
+    return {
+        attributes: findAttributes(document, primitive),
+        ours: isRead ? (ours as Json) : null,
+        isOurs: version !== null || loss !== null,
+        untextured: isRead ? null : version === null ? loss : `textures of version ${version}, this reader knows version ${VERSION}`,
+        colourSpace: choiceOf(khr.colorSpace, 'colorSpace', COLOUR_SPACES),
+        worldFromData: worldFromMesh(document, mesh),
+    };
 }
 
 /** What the digest in `extras` tells if our extension is gone; null without a digest (section 9). */
 function lossOf({ extras }: Json): string | null {
-  const digest = memberOf(extras, 'litetex');
-  const [splats, texels] = [memberOf(digest, 'splats'), memberOf(digest, 'texels')];
-  if (typeof splats !== 'number' || typeof texels !== 'number') return null;
-  return `a program has dropped the textures: the file was written with ${texels} texels for ${splats} splats`;
+    const digest = memberOf(extras, 'litetex');
+    const [splats, texels] = [memberOf(digest, 'splats'), memberOf(digest, 'texels')];
+    if (typeof splats !== 'number' || typeof texels !== 'number') return null;
+    return `a program has dropped the textures: the file was written with ${texels} texels for ${splats} splats`;
 }
 
 /** The metadata of splats; those without our extension have few. */
 export function metaOf(document: Document, { ours, colourSpace, worldFromData }: Found): Meta {
-  const { copyright, generator } = objectOf(document.root.asset, 'asset');
-  const meta = ours ? readMeta(ours.meta) : foreignMeta(colourSpace, copyright, generator);
-  check(meta.colourSpace === colourSpace, 'colorSpace', colourSpace, meta.colourSpace);
-  return { ...meta, worldFromData: worldFromData ?? meta.worldFromData };
+    const { copyright, generator } = objectOf(document.root.asset, 'asset');
+    const meta = ours ? readMeta(ours.meta) : foreignMeta(colourSpace, copyright, generator);
+    check(meta.colourSpace === colourSpace, 'colorSpace', colourSpace, meta.colourSpace);
+    return { ...meta, worldFromData: worldFromData ?? meta.worldFromData };
 }
 
 function foreignMeta(colourSpace: SceneInfo['colourSpace'], copyright: unknown, generator: unknown): Meta {
-  return {
-    near: Math.fround(0.01),
-    filter: 'none',
-    background: [0, 0, 0],
-    colourSpace,
-    worldFromData: IDENTITY,
-    cameras: [],
-    provenance: {
-      title: '',
-      author: '',
-      licence: textOf(copyright ?? '', 'copyright'),
-      source: '',
-      programVersion: textOf(generator ?? '', 'generator'),
-      training: {},
-    },
-  };
+    return {
+        near: Math.fround(0.01),
+        filter: 'none',
+        background: [0, 0, 0],
+        colourSpace,
+        worldFromData: IDENTITY,
+        cameras: [],
+        provenance: {
+            title: '',
+            author: '',
+            licence: textOf(copyright ?? '', 'copyright'),
+            source: '',
+            programVersion: textOf(generator ?? '', 'generator'),
+            training: {},
+        },
+    };
 }

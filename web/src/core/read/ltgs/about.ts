@@ -11,31 +11,31 @@ import { readQuantiser } from './quantiser';
 
 /** What the metadata of a file say (`ltgs.md`, section 1.2). */
 export interface About {
-  readonly info: SceneInfo;
-  /** Hash of the content. */
-  readonly hash: string;
-  readonly decoder: ChunkDecoder;
+    readonly info: SceneInfo;
+    /** Hash of the content. */
+    readonly hash: string;
+    readonly decoder: ChunkDecoder;
 }
 
 /** Checks a hash as a file states it: 16 hexadecimal digits. */
 export function hashOf(value: unknown): string {
-  const hash = textOf(value, 'hash').toLowerCase();
-  check(/^[0-9a-f]{16}$/.test(hash), 'hash', hash, '16 hexadecimal digits');
-  return hash;
+    const hash = textOf(value, 'hash').toLowerCase();
+    check(/^[0-9a-f]{16}$/.test(hash), 'hash', hash, '16 hexadecimal digits');
+    return hash;
 }
 
 export function readAbout(coded: Uint8Array, header: Header): About {
-  const { quality, isLossless, splats, texels, shDegree, metaTextBytes, fileBytes } = header;
-  const text = header.metaIsCompressed ? unpacked(coded, metaTextBytes) : coded;
-  check(text.length === metaTextBytes, 'bytes of the metadata', text.length, metaTextBytes);
-  const about = parseJson(text, 'metadata');
-  choiceOf(about.quality, 'quality', [quality]);
-  choiceOf(about.order, 'order', [isLossless ? 'given' : 'morton']);
-  return {
-    info: {
-      container: 'ltgs', quality, splats, texels, shDegree, ...readMeta(about.meta), untextured: null, fileBytes,
-    },
-    hash: hashOf(about.hash),
-    decoder: isLossless ? lossless(shDegree) : lossy(shDegree, readQuantiser(about.quantiser)),
-  };
+    const { quality, isLossless, splats, texels, shDegree, metaTextBytes, fileBytes } = header;
+    const text = header.metaIsCompressed ? unpacked(coded, metaTextBytes) : coded;
+    check(text.length === metaTextBytes, 'bytes of the metadata', text.length, metaTextBytes);
+    const about = parseJson(text, 'metadata');
+    choiceOf(about.quality, 'quality', [quality]);
+    choiceOf(about.order, 'order', [isLossless ? 'given' : 'morton']);
+    return {
+        info: {
+            container: 'ltgs', quality, splats, texels, shDegree, ...readMeta(about.meta), untextured: null, fileBytes,
+        },
+        hash: hashOf(about.hash),
+        decoder: isLossless ? lossless(shDegree) : lossy(shDegree, readQuantiser(about.quantiser)),
+    };
 }

@@ -8,60 +8,60 @@ const SHARE = 1 / 8;
 
 /** What is there of a chunk. */
 export interface Arriving {
-  readonly geometry: Geometry;
-  readonly sh?: Sh;
-  readonly texels?: Texels;
+    readonly geometry: Geometry;
+    readonly sh?: Sh;
+    readonly texels?: Texels;
 }
 
 /** The layer in arrival, shown as its blocks come (`ltgs.md`, section 1). */
 export class Layer {
-  /** Splats of the complete layer, in one or more parts. */
-  parts: Splats[] = [];
-  private readonly chunks: Arriving[] = [];
-  /** Chunks that have been shown, the first that has changed since, and how many have. */
-  private shown = 0;
-  private firstChanged = Infinity;
-  private changes = 0;
+    /** Splats of the complete layer, in one or more parts. */
+    parts: Splats[] = [];
+    private readonly chunks: Arriving[] = [];
+    /** Chunks that have been shown, the first that has changed since, and how many have. */
+    private shown = 0;
+    private firstChanged = Infinity;
+    private changes = 0;
 
-  /** `size`: its chunks; `first`: its first splat; `most`: splats that are wanted of it. */
-  constructor(
-    private readonly size: number,
-    private readonly first: number,
-    private readonly most: number,
-    private readonly onUpdate: (update: Omit<SplatUpdate, 'bytes'>) => void,
-  ) {}
+    /** `size`: its chunks; `first`: its first splat; `most`: splats that are wanted of it. */
+    constructor(
+        private readonly size: number,
+        private readonly first: number,
+        private readonly most: number,
+        private readonly onUpdate: (update: Omit<SplatUpdate, 'bytes'>) => void,
+    ) {}
 
-  /** What is there of a chunk. */
-  at(chunk: number): Arriving {
-    return this.chunks[chunk];
-  }
-
-  /** Adds a chunk, or replaces it by one of which more is there. */
-  set(chunk: number, arriving: Arriving): void {
-    if (chunk < this.chunks.length) {
-      this.firstChanged = Math.min(this.firstChanged, chunk);
-      this.changes += 1;
+    /** What is there of a chunk. */
+    at(chunk: number): Arriving {
+        return this.chunks[chunk];
     }
-    this.chunks[chunk] = arriving;
-  }
 
-  /** Shows new chunks, and those that have changed where they are many, or where nothing follows. */
-  show(isLast: boolean): void {
-    const { chunks } = this;
-    const isNew = chunks.length > this.shown;
-    if (!isNew && this.changes < (isLast ? 1 : SHARE * this.size)) return;
-    const from = Math.min(this.shown, this.firstChanged);
-    const before = chunks.slice(0, from).reduce((sum, { geometry }) => sum + geometry.count, 0);
-    this.parts = chunks.map(({ geometry, sh, texels }, i) => (i < from ? this.parts[i] : splatsOf(geometry, sh, texels)));
-    const own = this.parts.slice(from);
-    own.forEach(checkSplats);
-    const splats = concatenate(own);
-    const complete = chunks.slice(from).every(({ texels }) => texels !== undefined);
-    // The same memory where it can be.
-    if (from === 0 && complete && isLast) this.parts = [splats];
-    this.onUpdate({ first: this.first + before, splats: firstOf(splats, this.most - before), complete });
-    this.shown = chunks.length;
-    this.firstChanged = Infinity;
-    this.changes = 0;
-  }
+    /** Adds a chunk, or replaces it by one of which more is there. */
+    set(chunk: number, arriving: Arriving): void {
+        if (chunk < this.chunks.length) {
+            this.firstChanged = Math.min(this.firstChanged, chunk);
+            this.changes += 1;
+        }
+        this.chunks[chunk] = arriving;
+    }
+
+    /** Shows new chunks, and those that have changed where they are many, or where nothing follows. */
+    show(isLast: boolean): void {
+        const { chunks } = this;
+        const isNew = chunks.length > this.shown;
+        if (!isNew && this.changes < (isLast ? 1 : SHARE * this.size)) return;
+        const from = Math.min(this.shown, this.firstChanged);
+        const before = chunks.slice(0, from).reduce((sum, { geometry }) => sum + geometry.count, 0);
+        this.parts = chunks.map(({ geometry, sh, texels }, i) => (i < from ? this.parts[i] : splatsOf(geometry, sh, texels)));
+        const own = this.parts.slice(from);
+        own.forEach(checkSplats);
+        const splats = concatenate(own);
+        const complete = chunks.slice(from).every(({ texels }) => texels !== undefined);
+        // The same memory where it can be.
+        if (from === 0 && complete && isLast) this.parts = [splats];
+        this.onUpdate({ first: this.first + before, splats: firstOf(splats, this.most - before), complete });
+        this.shown = chunks.length;
+        this.firstChanged = Infinity;
+        this.changes = 0;
+    }
 }

@@ -15,91 +15,92 @@ import { Block } from './streams';
  * an embedded file. `adapt` gets what the file says of itself, and the hash of its content, and may change it.
  */
 export async function readLtgs(
-  source: Source,
-  options: ReadOptions,
-  room = Infinity,
-  adapt = (info: SceneInfo, _hash: string): SceneInfo => info,
+    source: Source,
+    options: ReadOptions,
+    room = Infinity,
+    adapt = (info: SceneInfo, _hash: string): SceneInfo => info,
 ): Promise<SceneInfo> {
-  const start = source.taken;
-  const header = readHeader(await source.take(HEADER_BYTES));
-  const isEmbedded = room < Infinity;
-  check(!isEmbedded || header.fileBytes === room, 'bytes of the embedded file', header.fileBytes, room);
-  const tables = await source.take(header.metaBytes + ENTRY_BYTES * header.chunks);
-  checkHash(tables, header.tablesHash, 'metadata and table of contents');
-  const entries = readEntries(tables.subarray(header.metaBytes), header);
-  const about = readAbout(tables.subarray(0, header.metaBytes), header);
-  const info = adapt(about.info, about.hash);
-  options.onInfo?.(info);
+    const start = source.taken;
+    const header = readHeader(await source.take(HEADER_BYTES));
+    const isEmbedded = room < Infinity;
+    check(!isEmbedded || header.fileBytes === room, 'bytes of the embedded file', header.fileBytes, room);
+    const tables = await source.take(header.metaBytes + ENTRY_BYTES * header.chunks);
+    checkHash(tables, header.tablesHash, 'metadata and table of contents');
+    const entries = readEntries(tables.subarray(header.metaBytes), header);
+    const about = readAbout(tables.subarray(0, header.metaBytes), header);
+    const info = adapt(about.info, about.hash);
+    options.onInfo?.(info);
 
-  const { maxSplats = Infinity, fileBytes = Infinity } = options;
-  const wanted = firstEntries(entries, maxSplats);
-  const sum = (of: (entry: Entry) => number): number => wanted.reduce((total, entry) => total + of(entry), 0);
-  const splats = sum((entry) => entry.splats);
-  checkMemory(splats, sum((entry) => entry.texels), header.shDegree, Math.min(header.fileBytes, fileBytes));
-  const parts = await readLayers(source, start, wanted, header, about.decoder, options);
-  check(isEmbedded || source.arrived <= header.fileBytes, 'bytes of the file', source.arrived, header.fileBytes);
-  if (options.checkHash !== false && splats === header.splats && splats <= maxSplats) {
-    const degree = Math.max(0, ...parts.map(({ shDegrees }) => shDegrees.reduce((a, b) => Math.max(a, b), 0)));
-    check(degree === header.shDegree, 'largest SH degree', degree, header.shDegree);
-    const hash = contentHash(parts, info);
-    check(hash === about.hash, 'hash of the content', hash, about.hash);
-  }
-  return info;
+    const { maxSplats = Infinity, fileBytes = Infinity } = options;
+    const wanted = firstEntries(entries, maxSplats);
+    const sum = (of: (entry: Entry) => number): number => wanted.reduce((total, entry) => total + of(entry), 0);
+    const splats = sum((entry) => entry.splats);
+    checkMemory(splats, sum((entry) => entry.texels), header.shDegree, Math.min(header.fileBytes, fileBytes));
+    const parts = await readLayers(source, start, wanted, header, about.decoder, options);
+    check(isEmbedded || source.arrived <= header.fileBytes, 'bytes of the file', source.arrived, header.fileBytes);
+    if (options.checkHash !== false && splats === header.splats && splats <= maxSplats) {
+        const hasDegree = header.shDegree === 0 || parts.some(({ shDegrees }) => shDegrees.includes(header.shDegree));
+        check(hasDegree, 'largest SH degree of a splat', 'less', header.shDegree);
+        const hash = contentHash(parts, info);
+        check(hash === about.hash, 'hash of the content', hash, about.hash);
+    }
+    return info;
 }
 
 /** The chunks that hold the first splats. */
 function firstEntries(entries: readonly Entry[], count: number): readonly Entry[] {
-  let splats = 0;
-  return entries.filter((entry) => (splats += entry.splats) - entry.splats < count);
+    let wanted = 0;
+    for (let splats = 0; wanted < entries.length && splats < count; wanted += 1) splats += entries[wanted].splats;
+    return entries.slice(0, wanted);
 }
 
 /** Reads layers and gives their splats. */
 async function readLayers(
-  source: Source,
-  start: number,
-  wanted: readonly Entry[],
-  { shDegree }: Header,
-  decoder: ChunkDecoder,
-  { maxSplats = Infinity, signal, onUpdate }: ReadOptions,
+    source: Source,
+    start: number,
+    wanted: readonly Entry[],
+    { shDegree }: Header,
+    decoder: ChunkDecoder,
+    { maxSplats = Infinity, signal, onUpdate }: ReadOptions,
 ): Promise<Splats[]> {
-  const done: Splats[] = [];
-  let splats = 0;
-  let texels = 0;
-  for (const entries of layersOf(wanted)) {
-    const layer = new Layer(entries.length, splats, maxSplats - splats, (update) => onUpdate?.({ ...update, bytes: source.taken }));
-    source.onWait = () => layer.show(false);
-    try {
-      for (const kind of shDegree > 0 ? [0, 1, 2] : [0, 2]) {
-        for (const [i, entry] of entries.entries()) {
-          const { offset, bytes, hash } = entry.blocks[kind];
-          await source.skipTo(start + offset);
-          const data = await source.take(bytes);
-          checkHash(data, hash, 'a block');
-          if (kind === 0) splats += entry.splats;
-          if (kind === 2) texels += entry.texels;
-          checkMemory(splats, texels, shDegree, source.arrived);
-          const block = new Block(data);
-          layer.set(i, decoded(kind, block, layer.at(i), entry, decoder));
-          block.end();
+    const done: Splats[] = [];
+    let splats = 0;
+    let texels = 0;
+    for (const entries of layersOf(wanted)) {
+        const layer = new Layer(entries.length, splats, maxSplats - splats, (update) => onUpdate?.({ ...update, bytes: source.taken }));
+        source.onWait = () => layer.show(false);
+        try {
+            for (const kind of shDegree > 0 ? [0, 1, 2] : [0, 2]) {
+                for (const [i, entry] of entries.entries()) {
+                    const { offset, bytes, hash } = entry.blocks[kind];
+                    await source.skipTo(start + offset);
+                    const data = await source.take(bytes);
+                    checkHash(data, hash, 'a block');
+                    if (kind === 0) splats += entry.splats;
+                    if (kind === 2) texels += entry.texels;
+                    checkMemory(splats, texels, shDegree, source.arrived);
+                    const block = new Block(data);
+                    layer.set(i, decoded(kind, block, layer.at(i), entry, decoder));
+                    block.end();
+                }
+            }
+        } catch (error) {
+            if (!signal?.aborted) layer.show(true);
+            throw error;
         }
-      }
-    } catch (error) {
-      if (!signal?.aborted) layer.show(true);
-      throw error;
+        layer.show(true);
+        done.push(...layer.parts);
     }
-    layer.show(true);
-    done.push(...layer.parts);
-  }
-  return done;
+    return done;
 }
 
 /** A chunk with one more block. */
 function decoded(kind: number, block: Block, before: Arriving, entry: Entry, decoder: ChunkDecoder): Arriving {
-  if (kind > 0) {
-    const { geometry } = before;
-    return kind === 1 ? { geometry, sh: decoder.sh(block, geometry) } : { ...before, texels: decoder.texels(block, geometry) };
-  }
-  const geometry = decoder.geometry(block, entry.splats);
-  check(geometry.texelCount === entry.texels, 'texels of the maps of a chunk', geometry.texelCount, entry.texels);
-  return { geometry };
+    if (kind > 0) {
+        const { geometry } = before;
+        return kind === 1 ? { geometry, sh: decoder.sh(block, geometry) } : { ...before, texels: decoder.texels(block, geometry) };
+    }
+    const geometry = decoder.geometry(block, entry.splats);
+    check(geometry.texelCount === entry.texels, 'texels of the maps of a chunk', geometry.texelCount, entry.texels);
+    return { geometry };
 }

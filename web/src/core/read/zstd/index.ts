@@ -19,43 +19,43 @@ const COMPRESSED = 2;
  * Checksums of frames are not checked: xxh3-64 covers all that is read here.
  */
 export function unpacked(coded: Uint8Array, count: number): Uint8Array {
-  check(count <= EXPANSION_MAX * (coded.length + 1), `zstd: bytes from ${coded.length} coded ones`, count, 'fewer');
-  let at = headerBytes(coded, count);
-  const end = coded.length - (coded[4] & 4);
-  const sequences = new Sequences(new Uint8Array(count));
-  let huffman: HuffmanTable | undefined;
-  for (let isLast = 0; isLast === 0; ) {
-    expect(at + 3 <= end);
-    isLast = coded[at] & 1;
-    const kind = (coded[at] >> 1) & 3;
-    const size = (coded[at] | (coded[at + 1] << 8) | (coded[at + 2] << 16)) >> 3;
-    const stored = kind === CONSTANT ? 1 : size;
-    at += 3 + stored;
-    expect(size <= BLOCK_MAX && at <= end && kind <= COMPRESSED);
-    const block = coded.subarray(at - stored, at);
-    if (kind === COMPRESSED) {
-      const literals = readLiterals(block, huffman);
-      huffman = literals.huffman;
-      sequences.decode(block.subarray(literals.size), literals.bytes);
-    } else {
-      sequences.append(kind === CONSTANT ? new Uint8Array(size).fill(block[0]) : block);
+    check(count <= EXPANSION_MAX * (coded.length + 1), `zstd: bytes from ${coded.length} coded ones`, count, 'fewer');
+    let at = headerBytes(coded, count);
+    const end = coded.length - (coded[4] & 4);
+    const sequences = new Sequences(new Uint8Array(count));
+    let huffman: HuffmanTable | undefined;
+    for (let isLast = 0; isLast === 0; ) {
+        expect(at + 3 <= end);
+        isLast = coded[at] & 1;
+        const kind = (coded[at] >> 1) & 3;
+        const size = (coded[at] | (coded[at + 1] << 8) | (coded[at + 2] << 16)) >> 3;
+        const stored = kind === CONSTANT ? 1 : size;
+        at += 3 + stored;
+        expect(size <= BLOCK_MAX && at <= end && kind <= COMPRESSED);
+        const block = coded.subarray(at - stored, at);
+        if (kind === COMPRESSED) {
+            const literals = readLiterals(block, huffman);
+            huffman = literals.huffman;
+            sequences.decode(block.subarray(literals.size), literals.bytes);
+        } else {
+            sequences.append(kind === CONSTANT ? new Uint8Array(size).fill(block[0]) : block);
+        }
     }
-  }
-  expect(at === end);
-  return sequences.done();
+    expect(at === end);
+    return sequences.done();
 }
 
 /** Bytes of the frame's header (section 3.1.1.1). */
 function headerBytes(coded: Uint8Array, count: number): number {
-  expect(coded.length > 8 && viewOf(coded).getUint32(0, true) === MAGIC);
-  const flags = coded[4];
-  const isSingle = (flags & 32) !== 0;
-  // No dictionary, and no bit that is reserved.
-  expect((flags & 11) === 0);
-  const sizeBytes = [isSingle ? 1 : 0, 2, 4, 8][flags >> 6];
-  const first = isSingle ? 5 : 6;
-  let stated = sizeBytes === 2 ? 256 : 0;
-  for (let i = first; i < first + sizeBytes; i += 1) stated += coded[i] * 256 ** (i - first);
-  check(sizeBytes === 0 || stated === count, 'zstd: bytes of a frame', stated, count);
-  return first + sizeBytes;
+    expect(coded.length > 8 && viewOf(coded).getUint32(0, true) === MAGIC);
+    const flags = coded[4];
+    const isSingle = (flags & 32) !== 0;
+    // No dictionary, and no bit that is reserved.
+    expect((flags & 11) === 0);
+    const sizeBytes = [isSingle ? 1 : 0, 2, 4, 8][flags >> 6];
+    const first = isSingle ? 5 : 6;
+    let stated = sizeBytes === 2 ? 256 : 0;
+    for (let i = first; i < first + sizeBytes; i += 1) stated += coded[i] * 256 ** (i - first);
+    check(sizeBytes === 0 || stated === count, 'zstd: bytes of a frame', stated, count);
+    return first + sizeBytes;
 }
