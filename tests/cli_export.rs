@@ -183,6 +183,41 @@ fn lossy_files_meet_their_limits_and_plain_formats_keep_colours() {
 }
 
 #[test]
+fn every_file_is_listed_with_its_own_size() {
+    let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
+    let at = |name: &str| folder.path().join(name);
+    let table =
+        good(&["export", text(run), "-o", text(&at("a.glb")), text(&at("b.gltf")), "--mesh", "--no-verify"]);
+    let row = |name: &str| -> Vec<String> {
+        let named = |line: &&str| line.trim_start().starts_with(text(&at(name)));
+        table.lines().find(named).expect(&table).split_whitespace().map(ToOwned::to_owned).collect()
+    };
+    let bytes = |name: &str| std::fs::metadata(at(name)).unwrap().len() as f64;
+    for name in ["a.glb", "a.mesh.glb", "b.gltf", "b.bin", "b.mesh.glb"] {
+        let unit = match row(name)[2].as_str() {
+            "B" => 1.0,
+            "KiB" => 1024.0,
+            "MiB" => 1_048_576.0,
+            other => panic!("{other}: {table}"),
+        };
+        let shown = row(name)[1].parse::<f64>().unwrap() * unit;
+        // One digit behind the point.
+        assert!(
+            (shown - bytes(name)).abs() <= 0.05 * unit + 0.5,
+            "{name}: {shown}, is {}: {table}",
+            bytes(name)
+        );
+        // Negative control: the sum of two files, as one size.
+        assert!(bytes(name) + bytes("a.glb") - shown > unit);
+        assert_eq!(
+            row(name)[3] == "-",
+            !["a.glb", "b.gltf"].contains(&name),
+            "ratios are those of scenes: {table}"
+        );
+    }
+}
+
+#[test]
 fn scenes_are_cropped_reoriented_and_titled() {
     let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
     let file = folder.path().join("a.usdz");
@@ -492,7 +527,7 @@ fn quality_is_refused_or_reported_as_ignored_where_it_does_not_apply() {
     let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
     let at = |name: &str| folder.path().join(name);
     let export = ["export", text(run), "--quality", "lossless", "--no-verify", "-q", "-o"];
-    let (code, message) = bad(&[&export[..], &[text(&at("a.ply")), text(&at("a.spz"))]].concat());
+    let (code, message) = bad(&[&export[..], &[text(&at("a.ply"))]].concat());
     assert!(code == 2 && message.contains("--quality") && !at("a.ply").exists(), "{message}");
     let (code, message) = bad(&[&export[..], &[text(&at("a.glb")), text(&at("a.ply"))]].concat());
     assert!(

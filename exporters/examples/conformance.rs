@@ -232,7 +232,8 @@ fn write_pack(folder: &Path) -> Result<()> {
     let gltf = |quality| GltfOptions { quality, page_side: PAGE_SIDE, ..GltfOptions::default() };
     write_gltf(&folder.join("lossless.glb"), &asset, &gltf(Quality::Lossless))?;
     write_gltf(&folder.join("balanced.glb"), &asset, &gltf(Quality::Balanced))?;
-    let usd = UsdOptions { quality: Quality::Balanced, page_side: PAGE_SIDE, mesh: false };
+    let usd =
+        UsdOptions { quality: Quality::Balanced, page_side: PAGE_SIDE, mesh: false, ..UsdOptions::default() };
     write_usd(&folder.join("balanced.usda"), &asset, &usd)?;
     let path = folder.join("balanced.ltgs");
     let options = ltgs::LtgsOptions { quality: Quality::Balanced, ..ltgs::LtgsOptions::default() };
@@ -269,7 +270,7 @@ fn main() -> Result<()> {
         )
     };
     let usd = |name: &str, quality| {
-        let options = UsdOptions { quality, page_side: PAGE_SIDE, mesh: false };
+        let options = UsdOptions { quality, page_side: PAGE_SIDE, mesh: false, ..UsdOptions::default() };
         write_usd(&folder.join(name), &asset, &options)
     };
     gltf("lossless.glb", &asset, Quality::Lossless)?;

@@ -68,7 +68,7 @@ fn main() -> Result<()> {
         "{extension} {} written in {:.2} s, {} bytes",
         quality.name(),
         start.elapsed().as_secs_f64(),
-        written.bytes
+        written.scene_bytes()
     );
     println!("peak memory {:?} MiB", peak_mib());
     drop(asset);

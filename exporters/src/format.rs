@@ -7,8 +7,8 @@ use crate::atlas::PAGE_SIDE;
 use crate::file::read_file;
 use crate::staging::{Caller, SidecarFile, repair};
 use crate::{
-    Contents, Error, Issue, Quality, ReadLimits, Result, Severity, SplatAsset, Staged, Written, gltf, ltgs,
-    ply, sniff, spz, usd,
+    Cameras, Contents, Error, Issue, Quality, ReadLimits, Result, Severity, SplatAsset, Staged, Written,
+    gltf, ltgs, ply, sniff, spz, usd,
 };
 use std::path::Path;
 
@@ -23,6 +23,10 @@ pub struct WriteOptions<'a> {
     pub steps: Option<ltgs::Steps>,
     /// What is known of the splats, for lossy `.ltgs` files.
     pub per_splat: ltgs::PerSplat<'a>,
+    /// Cameras that glTF and USD files hold for other programs.
+    pub cameras: Cameras,
+    /// How to write SPZ.
+    pub spz: spz::SpzOptions,
 }
 
 /// Writes an asset in the format that the extension names, and replaces what was there: [`stage_asset`] and
@@ -62,8 +66,8 @@ fn encode(format: Format, path: &Path, asset: &SplatAsset, options: &WriteOption
     let quality = options.quality;
     match format {
         Format::Glb | Format::Gltf => {
-            let WriteOptions { steps, per_splat, .. } = *options;
-            let gltf_options = gltf::GltfOptions { quality, page_side: PAGE_SIDE, steps, per_splat };
+            let WriteOptions { steps, per_splat, cameras, .. } = *options;
+            let gltf_options = gltf::GltfOptions { quality, page_side: PAGE_SIDE, steps, per_splat, cameras };
             (encoded.root, encoded.side) = gltf::encode_files(path, asset, &gltf_options)?;
             if options.mesh {
                 add_mesh(&mut encoded, &mesh_path(path), asset)?;
@@ -75,7 +79,8 @@ fn encode(format: Format, path: &Path, asset: &SplatAsset, options: &WriteOption
             encoded.root = ltgs::encode(asset, &ltgs_options).map_err(|e| e.at(path))?;
         }
         Format::Usda | Format::Usdc | Format::Usdz => {
-            let usd_options = usd::UsdOptions { quality, page_side: PAGE_SIDE, mesh: options.mesh };
+            let WriteOptions { mesh, cameras, .. } = *options;
+            let usd_options = usd::UsdOptions { quality, page_side: PAGE_SIDE, mesh, cameras };
             (encoded.root, encoded.side) = usd::encode_files(path, asset, &usd_options)?;
         }
         Format::Ply => {
@@ -87,7 +92,7 @@ fn encode(format: Format, path: &Path, asset: &SplatAsset, options: &WriteOption
             encoded.notes.extend(far_out(summary.position_error_texels));
         }
         Format::Spz => {
-            let (bytes, summary) = spz::encode_spz(asset).map_err(|e| e.at(path))?;
+            let (bytes, summary) = spz::encode_spz(asset, &options.spz).map_err(|e| e.at(path))?;
             encoded.root = bytes;
             encoded.notes.extend(far_out(summary.position_error_texels));
             if summary.clamped_scales > 0 {

@@ -1,6 +1,7 @@
 //! All of an asset except its arrays, as a JSON object that glTF, USD, `.ltgs` and SPZ share. Numbers round-trip bit for
 //! bit.
 
+use crate::overview::{Bounds, Overview};
 use crate::{AssetCamera, ColourSpace, Filter, Provenance, SplatAsset, Transform};
 use serde::{Deserialize, Serialize, Serializer};
 
@@ -28,12 +29,19 @@ pub struct Meta {
     pub world_from_capture: Transform,
     /// Title, author, licence, source, program version, facts about the training.
     pub provenance: Provenance,
+    /// Where the bulk of what is seen lies, local frame; absent if there are no splats. For viewers, which fit it into the
+    /// image; readers do not keep it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bounds: Option<Bounds>,
+    /// Index of the camera of the home view; absent without cameras. As `bounds`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub home: Option<usize>,
     /// Cameras of the capture.
     pub cameras: Vec<AssetCamera>,
 }
 
 /// The number with nine significant decimal digits that is nearest.
-fn nine_digits(number: f64) -> f64 {
+pub(crate) fn nine_digits(number: f64) -> f64 {
     format!("{number:.8e}").parse().unwrap_or(number)
 }
 
@@ -50,7 +58,10 @@ fn each_exactly<S: Serializer>(values: &[f32; 3], serializer: S) -> Result<S::Ok
 impl Meta {
     /// The metadata of an asset.
     pub fn of(asset: &SplatAsset) -> Self {
+        let Overview { bounds, home } = Overview::of(asset);
         Self {
+            bounds,
+            home,
             near: asset.near,
             filter: asset.filter,
             background: asset.background,

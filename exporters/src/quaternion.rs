@@ -50,6 +50,21 @@ pub fn between(from: [f64; 3], to: [f64; 3]) -> [f64; 4] {
     q.map(|v| v / n)
 }
 
+/// The rotation that turns the axes into these: orthogonal, of length 1 and right-handed.
+pub fn from_axes([x, y, z]: [[f64; 3]; 3]) -> [f64; 4] {
+    // Of the four formulas for the quaternion, the one that divides by the largest number.
+    let (xx, yy, zz) = (x[0], y[1], z[2]);
+    let ways = [
+        [1.0 + xx + yy + zz, y[2] - z[1], z[0] - x[2], x[1] - y[0]],
+        [y[2] - z[1], 1.0 + xx - yy - zz, x[1] + y[0], z[0] + x[2]],
+        [z[0] - x[2], x[1] + y[0], 1.0 - xx + yy - zz, y[2] + z[1]],
+        [x[1] - y[0], z[0] + x[2], y[2] + z[1], 1.0 - xx - yy + zz],
+    ];
+    let best = (0..4).fold(0, |best, i| if ways[i][i] > ways[best][best] { i } else { best });
+    let norm = norm(ways[best]);
+    ways[best].map(|v| v / norm)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -63,16 +63,19 @@ impl Staged {
             folder,
             place: path.parent().unwrap_or(Path::new("")).to_owned(),
             names: Vec::new(),
-            written: Written { files: vec![path.to_owned()], ..Written::default() },
+            written: Written::default(),
             keeps_folder: false,
             _lock: lock,
             steps: Steps::default(),
         };
         for (name, bytes) in &side {
             staged.write(Path::new(name), bytes)?;
-            staged.written.files.push(staged.place.join(name));
         }
         staged.write(Path::new(name), &root)?;
+        // The root is written last and named first, as the caller named it.
+        staged.written.files.pop();
+        staged.written.files.insert(0, path.to_owned());
+        staged.written.sizes.rotate_right(1);
         Ok(staged)
     }
 
@@ -83,7 +86,8 @@ impl Staged {
         let written = fs::create_dir_all(folder).and_then(|()| fs::write(&file, bytes));
         written.map_err(|e| Error::io(self.place.join(name), e))?;
         self.names.push(name.to_owned());
-        self.written.bytes += bytes.len() as u64;
+        self.written.files.push(self.place.join(name));
+        self.written.sizes.push(bytes.len() as u64);
         Ok(())
     }
 

@@ -1,7 +1,8 @@
 //! Arguments of all commands that write assets.
 
 use super::values::{parse_bytes, parse_decibels};
-use litetex_exporters::{Format, Quality};
+use litetex_exporters::spz::{SpzOptions, SpzVersion};
+use litetex_exporters::{Cameras, Format, Quality};
 use litetex_gs::verify::RateGoal;
 
 /// What is written of a scene, and how.
@@ -19,6 +20,12 @@ pub struct AssetArgs {
     /// Also write a mesh of textured quads for programs that cannot draw splats: FILE.mesh.glb next to glTF, a variant in USD
     #[arg(long)]
     pub mesh: bool,
+    /// Version of .spz files: 3, which most programs read, or 4, which is smaller
+    #[arg(long, value_name = "3|4", value_parser = clap::value_parser!(u8).range(3..=4), default_value_t = 3)]
+    pub spz_version: u8,
+    /// Cameras that glTF and USD files hold for other programs, and whether .spz files hold any [default: home, and none in .spz]
+    #[arg(long, value_name = "CAMERAS")]
+    pub cameras: Option<CamerasName>,
     /// Replace existing files
     #[arg(long)]
     pub force: bool,
@@ -65,6 +72,15 @@ pub enum QualityName {
     Tiny,
 }
 
+/// Cameras that files hold for other programs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum CamerasName {
+    /// One that shows the scene
+    Home,
+    /// That one first, then all others of the capture
+    All,
+}
+
 impl From<QualityName> for Quality {
     fn from(name: QualityName) -> Self {
         match name {
@@ -98,6 +114,17 @@ impl AssetArgs {
     /// The quality requested.
     pub fn quality(&self) -> Quality {
         self.quality.map_or(Quality::Balanced, Quality::from)
+    }
+
+    /// Cameras for other programs.
+    pub fn cameras(&self) -> Cameras {
+        if self.cameras == Some(CamerasName::All) { Cameras::All } else { Cameras::Home }
+    }
+
+    /// How `.spz` files are written, but for the bits of their SH coefficients.
+    pub fn spz(&self) -> SpzOptions {
+        let version = if self.spz_version == 4 { SpzVersion::V4 } else { SpzVersion::V3 };
+        SpzOptions { version, cameras: self.cameras() == Cameras::All, ..SpzOptions::default() }
     }
 
     /// What a `.ltgs` file should keep to.

@@ -10,13 +10,14 @@ use super::sources::{Trained, load_scene, open_photos, read_layers, read_limits}
 use super::table::Columns;
 use super::values::{format_bytes, format_count};
 use super::views_progress::{ViewsProgress, views_to_render};
+use litetex_exporters::spz::{ShBits, SpzOptions};
 use litetex_exporters::{
     AssetCamera, Format, Quality, SplatAsset, WriteOptions, Written, num_sh_coefficients, read_asset,
     read_fallback, stage_asset,
 };
 use litetex_gs::verify::{
     Backends, BakedScene, Contribution, EXPORT_VIEWS, ExpectedImages, GoOn, PhotoPsnr, QualityLimits,
-    ReadBack, Rounding, SceneRenderer, Verdict, evenly_spread, find_rounding, verify,
+    ReadBack, Rounding, SceneRenderer, Verdict, evenly_spread, find_rounding, find_sh_bits, verify,
 };
 use litetex_gs::{Error, Report, Result};
 use std::path::{Path, PathBuf};
@@ -144,7 +145,8 @@ pub fn write_all(
     for path in outputs {
         let next = interrupt.check().and_then(|()| {
             let rounding = rounding(&scene, path, args, device, &go_on, log)?;
-            write_one(&scene.asset, path, args, rounding, verification.as_mut(), log)
+            let spz = spz_options(&scene.asset, path, args, device, &go_on, log)?;
+            write_one(&scene.asset, path, args, (rounding, spz), verification.as_mut(), log)
         });
         match next {
             Ok(exported) => exports.files.push(exported),
@@ -280,23 +282,52 @@ fn rounding(
     Ok(rounding)
 }
 
+/// How to write a `.spz` file: the bits of its SH coefficients are those that the quality needs.
+fn spz_options(
+    asset: &SplatAsset,
+    path: &Path,
+    args: &AssetArgs,
+    device: &str,
+    go_on: GoOn<'_>,
+    log: &Log,
+) -> Result<SpzOptions> {
+    let options = args.spz();
+    if Format::of(path)? != Format::Spz {
+        return Ok(options);
+    }
+    let open = || Ok(SceneRenderer::new(devices::open(device, log)?, go_on));
+    let sh_bits = find_sh_bits(asset, args.quality(), open)?;
+    if asset.sh_degree > 0 {
+        let ShBits { first, rest } = sh_bits;
+        log.detail(&format!("{}: SH in {first} bits (degree 1) and {rest} bits (others)", path.display()));
+    }
+    Ok(SpzOptions { sh_bits, ..options })
+}
+
 fn write_one(
     asset: &SplatAsset,
     path: &Path,
     args: &AssetArgs,
-    rounding: Rounding,
+    (rounding, spz): (Rounding, SpzOptions),
     verification: Option<&mut Verification<'_>>,
     log: &Log,
 ) -> Result<Exported> {
     if let Some(folder) = path.parent().filter(|f| !f.as_os_str().is_empty()) {
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     }
-    if args.quality.is_some() && Format::of(path)?.qualities().is_empty() {
+    if args.quality.is_some() && Format::of(path)? == Format::Ply {
         let what = "this format has a single quality: --quality does not apply";
         log.warn("quality-not-applied", &format!("{}: {what}", path.display()), 1);
     }
     let Rounding { quality, steps, .. } = rounding;
-    let options = WriteOptions { quality, mesh: args.mesh, steps, per_splat: rounding.per_splat() };
+    let options = WriteOptions {
+        quality,
+        mesh: args.mesh,
+        steps,
+        per_splat: rounding.per_splat(),
+        cameras: args.cameras(),
+        spz,
+    };
     let staged = stage_asset(path, rounding.adapted.as_ref().unwrap_or(asset), &options)?;
     for note in &staged.written().notes {
         log.warn("export", &format!("{}: {note}", path.display()), 1);
@@ -336,7 +367,7 @@ fn raw_bytes(asset: &SplatAsset) -> u64 {
 }
 
 impl Exports {
-    /// Prints a row for each file.
+    /// Prints a row for each file, those beside the ones asked for included. The ratio is that of all files of a scene.
     ///
     /// # Errors
     /// What stopped the writing, else [`Error::CheckFailed`] if a file failed verification.
@@ -344,7 +375,9 @@ impl Exports {
         let mut table =
             Columns::new(&["file", "size", "ratio", "PSNR to scene", "lost", "test PSNR", "verified"]);
         for file in &self.files {
-            table.row(file.row());
+            for row in file.rows() {
+                table.row(row);
+            }
         }
         if !self.files.is_empty() {
             table.print().map_err(|e| Error::io("standard output", e))?;
@@ -368,12 +401,11 @@ impl Exported {
         all.map(|f| format!("{}: not written, verification failed: {f}", self.path.display()))
     }
 
-    fn row(&self) -> Vec<String> {
+    /// A row for the file that was asked for, which tells of the scene, and one with the size of each file beside it.
+    fn rows(&self) -> Vec<Vec<String>> {
         let cell = |of: &dyn Fn(&Verdict) -> String| self.verdict.as_ref().map_or_else(|| "-".to_owned(), of);
-        vec![
-            self.path.display().to_string(),
-            format_bytes(self.written.bytes),
-            format!("{:.1}", self.raw_bytes as f64 / self.written.bytes.max(1) as f64),
+        let of_scene = [
+            format!("{:.1}", self.raw_bytes as f64 / self.written.scene_bytes().max(1) as f64),
             cell(&|v| match v.largest {
                 0.0 => "same".to_owned(),
                 _ => format!("{:.1} dB{}", v.psnr, if v.untextured { " *" } else { "" }),
@@ -384,6 +416,15 @@ impl Exported {
                 |PhotoPsnr { before, after, .. }| format!("{before:.2} -> {after:.2} dB"),
             ),
             cell(&|v| if v.failures.is_empty() { "yes".to_owned() } else { "NO".to_owned() }),
-        ]
+        ];
+        let beside = std::array::from_fn(|_| "-".to_owned());
+        let of_file = |(i, (file, bytes)): (usize, (&Path, u64))| {
+            let cells = if i == 0 { &of_scene } else { &beside };
+            [file.display().to_string(), format_bytes(bytes)]
+                .into_iter()
+                .chain(cells.iter().cloned())
+                .collect()
+        };
+        self.written.each().enumerate().map(of_file).collect()
     }
 }

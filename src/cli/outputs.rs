@@ -60,9 +60,9 @@ pub fn check(source: Option<&Path>, outputs: &[PathBuf], args: &AssetArgs) -> Re
             "--max-size and --max-loss apply only to .ltgs files, and no output is one".into(),
         ));
     }
-    if args.quality.is_some() && !any(|f| !f.qualities().is_empty()) {
+    if args.quality.is_some() && !any(|f| f != Format::Ply) {
         return Err(Error::Usage(
-            "--quality applies only to glTF, USD and .ltgs files, and no output is one: PLY and SPZ have a single quality"
+            "--quality does not apply to PLY files, which have a single quality, and no output is another"
                 .into(),
         ));
     }

@@ -7,7 +7,7 @@ use super::progress::{BAR_INTERVAL, LINE_INTERVAL, bar};
 use super::values::format_duration;
 use indicatif::ProgressBar;
 use litetex_exporters::{Format, SplatAsset};
-use litetex_gs::verify::EXPORT_VIEWS;
+use litetex_gs::verify::{EXPORT_VIEWS, sh_bits_views};
 use serde_json::json;
 use std::cell::Cell;
 use std::path::PathBuf;
@@ -24,7 +24,8 @@ pub fn views_to_render(asset: &SplatAsset, outputs: &[PathBuf], args: &AssetArgs
         let found = args.goal_of(format).map_or(0, |goal| goal.views_to_render(training, all));
         // The file, and in glTF and USD twice its fallback.
         let images = if format.keeps_textures() && format != Format::Ltgs { 3 } else { 1 };
-        found + images * verified
+        let bits = if format == Format::Spz { sh_bits_views(asset, args.quality(), training) } else { 0 };
+        found + bits + images * verified
     };
     let edited = if args.min_contribution.is_some() { training } else { 0 };
     (edited + 2 * verified + outputs.iter().map(of_file).sum::<usize>()) as u64

@@ -12,6 +12,7 @@ mod limits;
 mod rate_distortion;
 mod renderer;
 mod sensitivity;
+mod sh_bits;
 mod verdict;
 
 pub use baked_scene::{BakedScene, bake_checkpoint};
@@ -21,6 +22,7 @@ pub use identity::{CAMERAS_KEY, CaptureIdentity, IDENTITY_KEY, cameras_from_stri
 pub use limits::QualityLimits;
 pub use rate_distortion::{Backends, RateGoal, Rounding, find_rounding};
 pub use renderer::{GoOn, SceneRenderer, to_display};
+pub use sh_bits::{find_sh_bits, sh_bits_views};
 pub use verdict::{ExpectedImages, PhotoPsnr, ReadBack, Verdict, verify};
 
 /// Views at which a file is shaped and checked while it is written; a later, separate check may look at all.

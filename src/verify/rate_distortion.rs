@@ -398,16 +398,22 @@ impl<'a> Search<'a> {
         Ok(self.are_within(&errors, limits))
     }
 
-    /// Whether the mean squared errors of some views keep the limits.
+    /// See [`are_within`].
     fn are_within(&self, errors: &[f64], limits: &QualityLimits) -> bool {
-        let losses: Vec<f64> = errors.iter().map(|&mse| loss_db(mse, self.mse_to_photos)).collect();
-        let psnrs: Vec<f64> = errors.iter().map(|&mse| psnr_from_mse(mse)).collect();
-        let mean = |values: &[f64]| values.iter().sum::<f64>() / errors.len().max(1) as f64;
-        let within = |found: f64, limit: Option<f64>| limit.is_none_or(|l| found <= USED_SHARE * l);
-        within(mean(&losses), limits.max_loss_db)
-            && within(losses.iter().copied().fold(0.0, f64::max), limits.max_loss_worst_db)
-            && limits.min_psnr.is_none_or(|least| mean(&psnrs) >= least + PSNR_MARGIN)
+        are_within(errors, self.mse_to_photos, limits)
     }
+}
+
+/// Whether the mean squared errors of some views keep the limits, with a margin for other views. `mse_to_photos` is that of the
+/// scene against photos.
+pub(super) fn are_within(errors: &[f64], mse_to_photos: f64, limits: &QualityLimits) -> bool {
+    let losses: Vec<f64> = errors.iter().map(|&mse| loss_db(mse, mse_to_photos)).collect();
+    let psnrs: Vec<f64> = errors.iter().map(|&mse| psnr_from_mse(mse)).collect();
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / errors.len().max(1) as f64;
+    let within = |found: f64, limit: Option<f64>| limit.is_none_or(|l| found <= USED_SHARE * l);
+    within(mean(&losses), limits.max_loss_db)
+        && within(losses.iter().copied().fold(0.0, f64::max), limits.max_loss_worst_db)
+        && limits.min_psnr.is_none_or(|least| mean(&psnrs) >= least + PSNR_MARGIN)
 }
 
 #[cfg(test)]

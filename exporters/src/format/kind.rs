@@ -20,7 +20,7 @@ pub enum Format {
     Usdz,
     /// PLY of 3DGS and 2DGS.
     Ply,
-    /// SPZ version 4.
+    /// SPZ, versions 1 to 4.
     Spz,
 }
 
@@ -138,6 +138,6 @@ impl Format {
 }
 
 /// The sidecar file with the mesh of quads.
-pub(super) fn mesh_path(path: &Path) -> PathBuf {
+pub(crate) fn mesh_path(path: &Path) -> PathBuf {
     path.with_extension("mesh.glb")
 }

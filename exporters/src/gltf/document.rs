@@ -28,6 +28,8 @@ pub struct Document {
     pub scene: Option<u32>,
     pub scenes: Vec<Scene>,
     pub nodes: Vec<Node>,
+    #[serde(skip_serializing_if = "Vec::is_empty", skip_deserializing)]
+    pub cameras: Vec<Value>,
     pub meshes: Vec<Mesh>,
     #[serde(skip_serializing_if = "Vec::is_empty", skip_deserializing)]
     pub materials: Vec<Value>,
@@ -70,6 +72,8 @@ pub struct Node {
     pub name: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mesh: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub camera: Option<u32>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub children: Vec<u32>,
     /// Column by column.

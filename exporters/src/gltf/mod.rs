@@ -7,6 +7,7 @@
 mod accessor;
 mod attributes;
 mod buffer;
+mod cameras;
 mod colour;
 mod container;
 mod depth_order;

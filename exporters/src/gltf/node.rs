@@ -99,17 +99,8 @@ fn from_matrix(m: &[f64; 16]) -> Result<Transform, String> {
     if !skew.iter().all(|v| v.abs() <= TOLERANCE) || !last_row.iter().all(|v| v.abs() <= TOLERANCE) {
         return Err(no());
     }
-    // Of the four formulas for the quaternion, the one that divides by the largest number.
-    let (xx, yy, zz) = (x[0], y[1], z[2]);
-    let ways = [
-        [1.0 + xx + yy + zz, y[2] - z[1], z[0] - x[2], x[1] - y[0]],
-        [y[2] - z[1], 1.0 + xx - yy - zz, x[1] + y[0], z[0] + x[2]],
-        [z[0] - x[2], x[1] + y[0], 1.0 - xx + yy - zz, y[2] + z[1]],
-        [x[1] - y[0], z[0] + x[2], y[2] + z[1], 1.0 - xx - yy + zz],
-    ];
-    let best = (0..4).fold(0, |best, i| if ways[i][i] > ways[best][best] { i } else { best });
-    let norm = quaternion::norm(ways[best]);
-    finite(Transform { scale, rotation: ways[best].map(|v| v / norm), translation: [m[12], m[13], m[14]] })
+    let rotation = quaternion::from_axes([x, y, z]);
+    finite(Transform { scale, rotation, translation: [m[12], m[13], m[14]] })
 }
 
 #[cfg(test)]

@@ -8,9 +8,10 @@ use super::document::{
 };
 use super::extension::{Decode, Digest, Page, Splatting, TextureExtension};
 use super::stream::{MIME_LTGS, Stream};
-use super::{EXTENSION, KHR, container, files};
+use super::{EXTENSION, KHR, cameras, container, files};
 use crate::atlas::{Atlas, PAGE_SIDE, PAGE_SIDE_MAX, TexelDecode, encode_exr, encode_png};
 use crate::meta::Meta;
+use crate::shown_cameras::Cameras;
 use crate::staging::{SidecarFile, Staged};
 use crate::{Error, Quality, ReadLimits, Result, SplatAsset, ltgs, yup};
 use std::path::{Path, PathBuf};
@@ -26,6 +27,8 @@ pub struct GltfOptions<'a> {
     pub steps: Option<ltgs::Steps>,
     /// What is known of the splats, for the `.ltgs` file.
     pub per_splat: ltgs::PerSplat<'a>,
+    /// Cameras for other programs; the metadata hold all.
+    pub cameras: Cameras,
 }
 
 impl Default for GltfOptions<'_> {
@@ -35,6 +38,7 @@ impl Default for GltfOptions<'_> {
             page_side: PAGE_SIDE,
             steps: None,
             per_splat: ltgs::PerSplat::default(),
+            cameras: Cameras::default(),
         }
     }
 }
@@ -124,7 +128,7 @@ fn assemble(asset: &SplatAsset, options: &GltfOptions<'_>, stem: Option<&str>) -
             writer.primitive(&kept, &atlas, options.quality, pages)?
         }
     };
-    Ok(writer.finish(asset, primitive))
+    Ok(writer.finish(asset, options.cameras, primitive))
 }
 
 /// Assembles a file that holds a `.ltgs` file, and small attributes for other viewers.
@@ -138,7 +142,7 @@ fn streamed(asset: &SplatAsset, options: &GltfOptions<'_>, stem: Option<&str>) -
     let stream = Stream { buffer_view: writer.arrays.push_bytes(&bytes), mime_type: MIME_LTGS.to_owned() };
     let extension = TextureExtension { stream: Some(stream), ..TextureExtension::new(quality, kept.hash()) };
     let primitive = points(&kept, attributes, extension)?;
-    Ok(writer.finish(&kept, primitive))
+    Ok(writer.finish(&kept, options.cameras, primitive))
 }
 
 /// The primitive of splats.
@@ -275,18 +279,21 @@ impl Writer<'_> {
         Ok((pages, Some(Decode { scale: decode.scale, bias: decode.bias })))
     }
 
-    fn finish(self, asset: &SplatAsset, primitive: Primitive) -> Assembled {
+    fn finish(self, asset: &SplatAsset, cameras: Cameras, primitive: Primitive) -> Assembled {
         let title = Some(asset.provenance.title.clone()).filter(|t| !t.is_empty());
         // Nearest and clamped: filters must not mix neighbours.
         let sampler = serde_json::json!({
             "magFilter": 9728, "minFilter": 9728, "wrapS": 33_071, "wrapT": 33_071
         });
+        let mut nodes = vec![node(asset)];
+        let cameras = cameras::push(asset, cameras, &mut nodes);
         let document = Document {
             asset: asset_info(asset),
             extensions_used: vec![KHR.to_owned(), EXTENSION.to_owned()],
             scene: Some(0),
-            scenes: vec![Scene { name: title.clone(), nodes: vec![0] }],
-            nodes: vec![node(asset)],
+            scenes: vec![Scene { name: title.clone(), nodes: (0..nodes.len() as u32).collect() }],
+            nodes,
+            cameras,
             meshes: vec![Mesh { name: title, primitives: vec![primitive] }],
             samplers: if self.textures.is_empty() { Vec::new() } else { vec![sampler] },
             textures: self.textures,

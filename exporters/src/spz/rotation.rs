@@ -1,4 +1,4 @@
-//! Unit quaternions in 32 bits: three components, from which the largest follows.
+//! Unit quaternions in 32 bits: three components, from which the largest follows. In versions 1 and 2, 24 bits.
 
 /// Bound of the three smaller components.
 const MOST: f64 = std::f64::consts::FRAC_1_SQRT_2;
@@ -34,6 +34,14 @@ pub fn decode(code: u32) -> [f64; 4] {
     q.map(|v| v / norm)
 }
 
+/// Decodes the x, y and z of 8 bits of a unit quaternion **xyzw** whose w is not negative.
+pub fn decode_bytes(bytes: [u8; 3]) -> [f64; 4] {
+    let [x, y, z] = bytes.map(|b| f64::from(b) / 127.5 - 1.0);
+    let w = (1.0 - x * x - y * y - z * z).max(0.0).sqrt();
+    let norm = (x * x + y * y + z * z + w * w).sqrt();
+    [x, y, z, w].map(|v| v / norm)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -57,6 +65,13 @@ mod tests {
             assert!((any.iter().map(|v| v * v).sum::<f64>() - 1.0).abs() < 1e-12);
         }
         assert!(worst < 5e-3, "{worst}"); // radians; needed 2.7e-3
+        let [x, y, z, w] = decode_bytes([255, 127, 128]);
+        assert!(
+            x > 0.999 && y.abs().max(z.abs()) < 0.005 && w >= 0.0,
+            "half a turn about x, as others write it"
+        );
+        let [.., w] = decode_bytes([127, 128, 127]);
+        assert!(w > 0.999, "the identity");
         assert_eq!(decode(encode([0.0, 0.0, 0.0, -1.0])), [0.0, 0.0, 0.0, 1.0]);
         assert_eq!(encode([0.0, 0.0, 0.0, 1.0]), 0xC000_0000, "the identity as others write it");
     }

@@ -1,18 +1,16 @@
-//! Writes SPZ version 4.
+//! Writes SPZ versions 3 and 4.
 
-use super::{COLOUR_SCALE, HAS_EXTENSIONS, HEADER_BYTES, MAGIC, META_RECORD, VERSION, rotation, sh_step};
+use super::{ANTIALIASED, COLOUR_SCALE, MAGIC, ShBits, SpzOptions, SpzVersion, gzip, rotation, zstd_streams};
 use crate::baked::{Baked, Baker};
 use crate::meta::Meta;
 use crate::sh::Turn;
-use crate::{Error, Result, SplatAsset, write_atomically, yup};
+use crate::{Error, Filter, Result, SplatAsset, write_atomically, yup};
 use std::path::Path;
 
 /// Fractional bits of positions that other programs accept.
 const FRACTIONAL_BITS: std::ops::RangeInclusive<u32> = 4..=23;
 /// Largest fixed-point number of 24 bits.
 const FIXED_MAX: f64 = 8_388_607.0;
-/// Slow to write: files are written once and read often.
-const ZSTD_LEVEL: i32 = 19;
 
 /// Facts about a file that was written.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -31,8 +29,8 @@ pub struct SpzSummary {
 ///
 /// # Errors
 /// As [`encode_spz`], and [`Error::Io`].
-pub fn write_spz(path: &Path, asset: &SplatAsset) -> Result<SpzSummary> {
-    let (bytes, summary) = encode_spz(asset).map_err(|e| e.at(path))?;
+pub fn write_spz(path: &Path, asset: &SplatAsset, options: &SpzOptions) -> Result<SpzSummary> {
+    let (bytes, summary) = encode_spz(asset, options).map_err(|e| e.at(path))?;
     write_atomically(path, &bytes).map_err(|e| Error::io(path, e))?;
     Ok(summary)
 }
@@ -40,8 +38,9 @@ pub fn write_spz(path: &Path, asset: &SplatAsset) -> Result<SpzSummary> {
 /// Encodes a file.
 ///
 /// # Errors
-/// [`Error::Invalid`] if the asset breaks a rule or its centres lie too far out, [`Error::TooLarge`].
-pub fn encode_spz(asset: &SplatAsset) -> Result<(Vec<u8>, SpzSummary)> {
+/// [`Error::Invalid`] if the asset breaks a rule or its centres lie too far out, [`Error::TooLarge`] also for more cameras than
+/// version 3 has room for.
+pub fn encode_spz(asset: &SplatAsset, options: &SpzOptions) -> Result<(Vec<u8>, SpzSummary)> {
     asset.validate()?;
     let baker = Baker::new(asset);
     let n = asset.num_splats();
@@ -59,14 +58,14 @@ pub fn encode_spz(asset: &SplatAsset) -> Result<(Vec<u8>, SpzSummary)> {
     for i in 0..n {
         let map = &asset.maps[i];
         let splat = baker.splat(i);
-        let error = push(&mut streams, &splat, fractional_bits, &half_turn, &mut summary);
+        let error = push(&mut streams, &splat, (fractional_bits, options.sh_bits), &half_turn, &mut summary);
         if map.num_texels() > 0 {
             summary.averaged_maps += 1;
             let texels = error / (asset.world_from_local().scale * map.finer_texel_size());
             summary.position_error_texels = summary.position_error_texels.max(texels);
         }
     }
-    let bytes = file(asset, fractional_bits, &streams)?;
+    let bytes = file(asset, options, fractional_bits, &streams)?;
     summary.bytes = bytes.len();
     Ok((bytes, summary))
 }
@@ -75,7 +74,7 @@ pub fn encode_spz(asset: &SplatAsset) -> Result<(Vec<u8>, SpzSummary)> {
 fn push(
     streams: &mut [Vec<u8>; 6],
     splat: &Baked,
-    fractional_bits: u32,
+    (fractional_bits, sh_bits): (u32, ShBits),
     half_turn: &Turn,
     summary: &mut SpzSummary,
 ) -> f64 {
@@ -101,36 +100,41 @@ fn push(
     let coefficients: Vec<f32> = splat.sh.iter().map(|&c| c as f32).collect();
     let flipped = half_turn.apply(&coefficients);
     for (i, c) in flipped.iter().enumerate().skip(3) {
-        let step = sh_step(i / 3);
+        let step = f64::from(sh_bits.step(i / 3));
         sh.push(byte(((c * 128.0 + 128.0) / step).round() * step));
     }
     error.sqrt()
 }
 
-fn file(asset: &SplatAsset, fractional_bits: u32, streams: &[Vec<u8>; 6]) -> Result<Vec<u8>> {
-    let meta =
-        serde_json::to_vec(&Meta::of(asset)).map_err(|e| Error::invalid("", format!("metadata: {e}")))?;
-    let toc_offset = HEADER_BYTES + 8 + meta.len();
-    let mut bytes = Vec::new();
-    for word in [MAGIC, VERSION, asset.num_splats() as u32] {
-        bytes.extend(word.to_le_bytes());
+fn file(
+    asset: &SplatAsset,
+    options: &SpzOptions,
+    fractional_bits: u32,
+    streams: &[Vec<u8>; 6],
+) -> Result<Vec<u8>> {
+    let meta = serde_json::to_vec(&meta(asset, options.cameras));
+    let meta = meta.map_err(|e| Error::invalid("", format!("metadata: {e}")))?;
+    let mut header = Vec::new();
+    for word in [MAGIC, options.version.number(), asset.num_splats() as u32] {
+        header.extend(word.to_le_bytes());
     }
-    let num_streams = streams.len() as u8;
-    bytes.extend([asset.sh_degree as u8, fractional_bits as u8, HAS_EXTENSIONS, num_streams]);
-    bytes.extend((toc_offset as u32).to_le_bytes());
-    bytes.resize(HEADER_BYTES, 0);
-    bytes.extend(META_RECORD.to_le_bytes());
-    bytes.extend((meta.len() as u32).to_le_bytes());
-    bytes.extend(meta);
-    let compress = |stream: &Vec<u8>| zstd::bulk::compress(stream, ZSTD_LEVEL);
-    let compressed: std::io::Result<Vec<Vec<u8>>> = streams.iter().map(compress).collect();
-    let compressed = compressed.map_err(|e| Error::invalid("", format!("zstd: {e}")))?;
-    for (stream, packed) in streams.iter().zip(&compressed) {
-        bytes.extend((packed.len() as u64).to_le_bytes());
-        bytes.extend((stream.len() as u64).to_le_bytes());
+    let flags = if asset.filter == Filter::Ewa { ANTIALIASED } else { 0 };
+    header.extend([asset.sh_degree as u8, fractional_bits as u8, flags, 0]);
+    match options.version {
+        SpzVersion::V3 => gzip::pack(&header, streams, &meta),
+        SpzVersion::V4 => zstd_streams::pack(&header, streams, &meta),
     }
-    bytes.extend(compressed.concat());
-    Ok(bytes)
+}
+
+/// What the file keeps of the metadata: not the facts about the training, and cameras only if they are asked for.
+fn meta(asset: &SplatAsset, cameras: bool) -> Meta {
+    let mut meta = Meta::with_short_cameras(asset);
+    meta.provenance.training.clear();
+    if !cameras {
+        meta.cameras.clear();
+        meta.home = None;
+    }
+    meta
 }
 
 /// The SH coefficient of degree 0 that a code stands for.

@@ -1,12 +1,14 @@
 //! Writes assets as files: the layer, its images and the package.
 
 use super::binary::binary_from_layer;
+use super::cameras;
 use super::layer::Layer;
 use super::package::{Entry, package_from_entries};
 use super::stage::{self, Images};
 use super::text_write::text_from_layer;
 use crate::atlas::{self, Atlas, PAGE_SIDE, PAGE_SIDE_MAX, TexelDecode};
 use crate::quads::{self, QUADS_MAX, Quads};
+use crate::shown_cameras::Cameras;
 use crate::staging::{SidecarFile, Staged};
 use crate::{Error, Quality, Result, SplatAsset};
 use std::path::{Path, PathBuf};
@@ -23,11 +25,13 @@ pub struct UsdOptions {
     pub page_side: u16,
     /// Whether to write the variant `mesh`, a preview of at most 50,000 rectangles.
     pub mesh: bool,
+    /// Cameras for other programs; the metadata hold all.
+    pub cameras: Cameras,
 }
 
 impl Default for UsdOptions {
     fn default() -> Self {
-        Self { quality: Quality::default(), page_side: PAGE_SIDE, mesh: true }
+        Self { quality: Quality::default(), page_side: PAGE_SIDE, mesh: true, cameras: Cameras::default() }
     }
 }
 
@@ -159,7 +163,8 @@ impl Bundle {
             quads: quads.as_ref(),
             quad_paths: &quad_paths,
         };
-        let layer = stage::layer(asset, options.quality, hash, &stage_images)?;
+        let mut layer = stage::layer(asset, options.quality, hash, &stage_images)?;
+        layer.root_prims.extend(cameras::prim(asset, options.cameras));
         Ok(Self { layer, images })
     }
 }

@@ -7,6 +7,7 @@
 //! Readers accept only files that these writers produced.
 
 mod binary;
+mod cameras;
 mod fallback;
 mod field;
 mod files;

@@ -5,6 +5,12 @@ pub(super) const VERSION: i32 = 2;
 
 /// Name of the root prim.
 pub(super) const SCENE: &str = "Scene";
+/// Name of the root prim with the cameras.
+pub(super) const CAMERAS: &str = "Cameras";
+/// Name of the camera of the home view: by this name OpenUSD's tools look for the camera to use.
+pub(super) const MAIN_CAMERA: &str = "main_cam";
+/// Name of a camera's photo.
+pub(super) const PHOTO: &str = "litetex:photo";
 /// Name of the prim with the splats of a variant.
 pub(super) const SPLATS: &str = "Splats";
 /// Name of the material whose shaders refer to the pages.

@@ -78,10 +78,14 @@ fn custom_data(asset: &SplatAsset, quality: Quality, hash: u64) -> Result<Value>
     Ok(Value::Dictionary(vec![(LITETEX.to_owned(), Value::Dictionary(entries.to_vec()))]))
 }
 
+/// A value of doubles.
+pub(super) fn doubles(form: Form, values: Vec<f64>) -> Value {
+    Value::Doubles(Numbers::element(form, values))
+}
+
 /// The transformation to the world frame with y up.
 fn node(asset: &SplatAsset) -> Vec<Property> {
     let node = yup::node(&asset.world_from_local());
-    let doubles = |form, values| Value::Doubles(Numbers::element(form, values));
     let operations = ["xformOp:translate", "xformOp:orient", "xformOp:scale"];
     vec![
         Property::new("double3", operations[0], doubles(Form::Vec3, node.translation.to_vec())),

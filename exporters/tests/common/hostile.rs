@@ -437,8 +437,18 @@ pub fn zeros(num_splats: usize) -> Vec<u8> {
 }
 
 fn spz_files(add: Add<'_>) {
-    let (bytes, _) = spz::encode_spz(&small_scene()).expect("written");
-    add("version_1_to_3.spz", Unsupported, vec![0x1f, 0x8b, 8, 0, 0, 0, 0, 0]);
+    let of_version = |version| {
+        let options = spz::SpzOptions { version, ..spz::SpzOptions::default() };
+        spz::encode_spz(&small_scene(), &options).expect("written").0
+    };
+    let in_gzip = of_version(spz::SpzVersion::V3);
+    add("header_of_gzip_alone.spz", Invalid, vec![0x1f, 0x8b, 8, 0, 0, 0, 0, 0]);
+    add("damaged_gzip.spz", Invalid, put(&in_gzip, in_gzip.len() / 2, &[0xff; 8]));
+    add("extra_field_beyond_the_end.spz", Invalid, put(&in_gzip, 10, &[0xff; 2]));
+    let meta = places(&in_gzip, b"{\"near\"")[0];
+    add("damaged_extra_field.spz", Reads, put(&in_gzip, meta, b"["));
+    add("long_subfield.spz", Reads, put(&in_gzip, meta - 2, &[0xff; 2]));
+    let bytes = of_version(spz::SpzVersion::V4);
     add("newer_version.spz", Unsupported, put(&bytes, 4, &[5]));
     add("high_degree.spz", Unsupported, put(&bytes, 12, &[4]));
     add("huge_count.spz", TooLarge, put(&bytes, 8, &u32::MAX.to_le_bytes()));

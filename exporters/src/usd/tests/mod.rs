@@ -39,7 +39,7 @@ fn full(num_splats: usize, sh_degree: u32) -> SplatAsset {
 }
 
 fn options(quality: Quality) -> UsdOptions {
-    UsdOptions { quality, page_side: 64, mesh: true }
+    UsdOptions { quality, page_side: 64, ..UsdOptions::default() }
 }
 
 fn write(folder: &Path, name: &str, asset: &SplatAsset, quality: Quality) -> PathBuf {
