@@ -79,6 +79,7 @@ pub struct Contents {
 /// | format | what small files can blow up | bound |
 /// |---|---|---|
 /// | `.ltgs` | neutral texels (zstd, 1 : 20,000) | `of_file`; chunks and the whole asset at a time: three times that at worst |
+/// | HTML | nothing: a `.ltgs` file of three quarters of its size | as `.ltgs` |
 /// | glTF, USD | texels of maps | `of_file`; pages are read row by row |
 /// | glTF, USD | pages (deflate, 1 : 1,040) | 64 texels for each that maps use, and 2^24 |
 /// | glTF | JSON of empty objects (1 : 250) | 131,072 objects and 2,097,152 values |
@@ -117,7 +118,7 @@ pub enum Severity {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Issue {
     /// A number that stays the same over versions: `LT1xxx` glTF, `LT2xxx` USD, `LT3xxx` `.ltgs`, `LT4xxx` PLY and SPZ,
-    /// `LT9xxx` any format.
+    /// `LT5xxx` HTML, `LT9xxx` any format.
     pub code: &'static str,
     /// How bad it is.
     pub severity: Severity,

@@ -8,7 +8,7 @@ use crate::file::read_file;
 use crate::staging::{Caller, SidecarFile, repair};
 use crate::{
     Cameras, Contents, Error, Issue, Quality, ReadLimits, Result, Severity, SplatAsset, Staged, Written,
-    gltf, ltgs, ply, sniff, spz, usd,
+    gltf, html, ltgs, ply, sniff, spz, usd,
 };
 use std::path::Path;
 
@@ -19,7 +19,7 @@ pub struct WriteOptions<'a> {
     pub quality: Quality,
     /// Whether to add a mesh of textured quads for programs without splat support: a sidecar file in glTF, a variant in USD.
     pub mesh: bool,
-    /// Quantisation steps of lossy `.ltgs` files, also of those in glTF; `None` takes those of the quality.
+    /// Quantisation steps of lossy `.ltgs` files, also of those in pages and glTF; `None` takes those of the quality.
     pub steps: Option<ltgs::Steps>,
     /// What is known of the splats, for lossy `.ltgs` files.
     pub per_splat: ltgs::PerSplat<'a>,
@@ -73,10 +73,12 @@ fn encode(format: Format, path: &Path, asset: &SplatAsset, options: &WriteOption
                 add_mesh(&mut encoded, &mesh_path(path), asset)?;
             }
         }
-        Format::Ltgs => {
+        Format::Ltgs | Format::Html => {
+            let WriteOptions { steps, per_splat, .. } = *options;
             let ltgs_options =
-                ltgs::LtgsOptions { quality, steps: options.steps, per_splat: options.per_splat };
-            encoded.root = ltgs::encode(asset, &ltgs_options).map_err(|e| e.at(path))?;
+                ltgs::LtgsOptions { quality, steps, per_splat, ..ltgs::LtgsOptions::default() };
+            let encode = if format == Format::Html { html::encode_html } else { ltgs::encode };
+            encoded.root = encode(asset, &ltgs_options).map_err(|e| e.at(path))?;
         }
         Format::Usda | Format::Usdc | Format::Usdz => {
             let WriteOptions { mesh, cameras, .. } = *options;
@@ -155,6 +157,7 @@ pub fn read_asset(path: &Path, limits: &ReadLimits) -> Result<Contents> {
         Format::Spz => spz::read_spz(path, limits),
         Format::Glb | Format::Gltf => gltf::read_gltf(path, limits),
         Format::Ltgs => ltgs::decode(&read_file(path, limits.decoded_bytes)?, path, limits),
+        Format::Html => html::read_html(path, limits),
         Format::Usda | Format::Usdc | Format::Usdz => usd::read_usd(path, limits),
     }
 }
@@ -171,7 +174,7 @@ pub fn read_fallback(path: &Path, limits: &ReadLimits) -> Result<Option<SplatAss
     match format {
         Format::Glb | Format::Gltf => gltf::read_fallback(path, limits).map(Some),
         Format::Usda | Format::Usdc | Format::Usdz => usd::read_fallback(path, limits),
-        Format::Ltgs | Format::Ply | Format::Spz => Ok(None),
+        Format::Ltgs | Format::Html | Format::Ply | Format::Spz => Ok(None),
     }
 }
 
@@ -204,10 +207,11 @@ pub fn validate_file(path: &Path) -> Result<Vec<Issue>> {
         Format::Spz => spz::validate(&read()?, path),
         Format::Glb | Format::Gltf => gltf::validate(&read()?, path),
         Format::Ltgs => ltgs::validate(&read()?, path),
+        Format::Html => html::validate(&read()?, path),
         Format::Usda | Format::Usdc | Format::Usdz => usd::validate(path),
     };
-    // A mesh of quads is not an asset; a .ltgs file has just been read as one.
-    if format != Format::Ltgs && !issues.iter().any(|i| i.code == gltf::QUADS_CODE) {
+    // A mesh of quads is not an asset; a .ltgs file has just been read as one, also in a page.
+    if !matches!(format, Format::Ltgs | Format::Html) && !issues.iter().any(|i| i.code == gltf::QUADS_CODE) {
         check_reading(path, &limits, &mut issues);
     }
     issues.sort_by_key(|i| std::cmp::Reverse(i.severity));

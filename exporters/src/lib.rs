@@ -19,6 +19,7 @@ mod format;
 mod frame;
 pub mod gltf;
 mod hash;
+pub mod html;
 mod limits;
 pub mod ltgs;
 mod meta;

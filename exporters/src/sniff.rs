@@ -4,16 +4,18 @@ use crate::file::read_head;
 use crate::{Error, Format, Result};
 use std::path::Path;
 
-/// Bytes to look at: white space may precede JSON.
+/// Bytes to look at: white space may precede JSON and HTML.
 const HEAD_BYTES: u64 = 512;
 
 /// Bytes of an unknown file to show in the message.
 const SHOWN_BYTES: usize = 8;
 
 /// First bytes, the format that they mark, and what to call it.
-const MAGICS: [(&[u8], Format, &str); 10] = [
+const MAGICS: [(&[u8], Format, &str); 12] = [
     (b"glTF", Format::Glb, "binary glTF"),
     (b"LTGS", Format::Ltgs, "compact textured splats"),
+    (b"<!doctype html", Format::Html, "HTML"),
+    (b"<html", Format::Html, "HTML"),
     (b"#usda", Format::Usda, "OpenUSD text"),
     (b"PXR-USDC", Format::Usdc, "OpenUSD binary"),
     (b"PK\x03\x04", Format::Usdz, "zip archive"),
@@ -26,10 +28,14 @@ const MAGICS: [(&[u8], Format, &str); 10] = [
 
 /// The format that these first bytes mark, and what to call it.
 fn format_of(head: &[u8]) -> Option<(Format, &'static str)> {
-    let known = MAGICS.iter().find(|(magic, ..)| head.starts_with(magic));
     // Some programs write a byte order mark first.
-    let text = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head);
-    let is_json = text.trim_ascii_start().starts_with(b"{");
+    let text = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head).trim_ascii_start();
+    let is_marked = |magic: &[u8], format| match format {
+        Format::Html => text.get(..magic.len()).is_some_and(|start| start.eq_ignore_ascii_case(magic)),
+        _ => head.starts_with(magic),
+    };
+    let known = MAGICS.iter().find(|(magic, format, _)| is_marked(magic, *format));
+    let is_json = text.starts_with(b"{");
     known.map(|&(_, format, name)| (format, name)).or_else(|| is_json.then_some((Format::Gltf, "JSON")))
 }
 

@@ -167,8 +167,8 @@ fn in_degree_0_or_3(asset: &SplatAsset) -> Vec<f32> {
         .collect()
 }
 
-const TEXTURED: [Format; 6] =
-    [Format::Glb, Format::Gltf, Format::Ltgs, Format::Usda, Format::Usdc, Format::Usdz];
+const TEXTURED: [Format; 7] =
+    [Format::Glb, Format::Gltf, Format::Ltgs, Format::Html, Format::Usda, Format::Usdc, Format::Usdz];
 
 fn config(cases: u32) -> ProptestConfig {
     // No regression files next to the sources: failures become tests of their own.
@@ -210,7 +210,8 @@ proptest! {
             (Quality::Balanced, ltgs::Steps::balanced()),
             (Quality::Tiny, ltgs::Steps::tiny()),
         ] {
-            let bytes = ltgs::encode(&asset, &ltgs::LtgsOptions { quality, steps: Some(steps), per_splat }).expect("written");
+            let options = ltgs::LtgsOptions { quality, steps: Some(steps), per_splat, ..ltgs::LtgsOptions::default() };
+            let bytes = ltgs::encode(&asset, &options).expect("written");
             let read = ltgs::decode(&bytes, Path::new("a"), &ReadLimits::default()).expect("read").asset;
             let promised = ltgs::quantised(&asset, &steps, per_splat).expect("rounded");
             prop_assert_eq!(read.hash(), promised.hash());

@@ -255,7 +255,8 @@ fn rounding(
         .filter(|goal| goal.quality != Quality::Lossless || goal.own_limits().is_some());
     let Some(goal) = goal else {
         if args.effort.is_some() {
-            let what = "--effort applies only to lossy .ltgs files and to glTF files of quality tiny";
+            let what =
+                "--effort applies only to lossy .ltgs and .html files and to glTF files of quality tiny";
             log.warn("effort-not-applied", &format!("{}: {what}", path.display()), 1);
         }
         return Ok(Rounding::plain(args.quality()));

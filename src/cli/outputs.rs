@@ -66,7 +66,7 @@ pub fn check(source: Option<&Path>, outputs: &[PathBuf], args: &AssetArgs) -> Re
                 .into(),
         ));
     }
-    if args.mesh && !any(|f| f.keeps_textures() && f != Format::Ltgs) {
+    if args.mesh && !any(|f| f.keeps_textures() && !matches!(f, Format::Ltgs | Format::Html)) {
         return Err(Error::Usage("--mesh applies only to glTF and USD files, and no output is one".into()));
     }
     Ok(())

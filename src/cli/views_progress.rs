@@ -23,7 +23,8 @@ pub fn views_to_render(asset: &SplatAsset, outputs: &[PathBuf], args: &AssetArgs
         let Some(format) = Format::from_path(path) else { return 0 };
         let found = args.goal_of(format).map_or(0, |goal| goal.views_to_render(training, all));
         // The file, and in glTF and USD twice its fallback.
-        let images = if format.keeps_textures() && format != Format::Ltgs { 3 } else { 1 };
+        let images =
+            if format.keeps_textures() && !matches!(format, Format::Ltgs | Format::Html) { 3 } else { 1 };
         let bits = if format == Format::Spz { sh_bits_views(asset, args.quality(), training) } else { 0 };
         found + bits + images * verified
     };

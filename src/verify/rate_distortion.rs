@@ -123,7 +123,12 @@ impl<'a> Scaled<'a> {
 
     /// Options of a file with steps for a factor.
     fn options(&self, quality: Quality, factor_log2: f64) -> LtgsOptions<'a> {
-        LtgsOptions { quality, steps: Some(self.steps(factor_log2)), per_splat: self.per_splat }
+        LtgsOptions {
+            quality,
+            steps: Some(self.steps(factor_log2)),
+            per_splat: self.per_splat,
+            ..LtgsOptions::default()
+        }
     }
 }
 

@@ -12,6 +12,8 @@ pub enum Format {
     Gltf,
     /// Our compact binary format.
     Ltgs,
+    /// A web page that shows the scene: `.ltgs` inside HTML.
+    Html,
     /// OpenUSD as text.
     Usda,
     /// OpenUSD, binary.
@@ -26,8 +28,17 @@ pub enum Format {
 
 impl Format {
     /// All formats, those that keep textures first.
-    pub const ALL: [Self; 8] =
-        [Self::Glb, Self::Gltf, Self::Ltgs, Self::Usda, Self::Usdc, Self::Usdz, Self::Ply, Self::Spz];
+    pub const ALL: [Self; 9] = [
+        Self::Glb,
+        Self::Gltf,
+        Self::Ltgs,
+        Self::Html,
+        Self::Usda,
+        Self::Usdc,
+        Self::Usdz,
+        Self::Ply,
+        Self::Spz,
+    ];
 
     /// Extension of the format's files, without the dot.
     pub fn extension(self) -> &'static str {
@@ -35,6 +46,7 @@ impl Format {
             Self::Glb => "glb",
             Self::Gltf => "gltf",
             Self::Ltgs => "ltgs",
+            Self::Html => "html",
             Self::Usda => "usda",
             Self::Usdc => "usdc",
             Self::Usdz => "usdz",
@@ -73,16 +85,16 @@ impl Format {
     pub fn qualities(self) -> &'static [Quality] {
         match self {
             Self::Ply | Self::Spz => &[],
-            Self::Glb | Self::Gltf | Self::Ltgs => &Quality::ALL,
+            Self::Glb | Self::Gltf | Self::Ltgs | Self::Html => &Quality::ALL,
             Self::Usda | Self::Usdc | Self::Usdz => &[Quality::Lossless, Quality::Balanced],
         }
     }
 
-    /// Whether files of this quality hold numbers rounded by [`crate::ltgs::Steps`]: `.ltgs` files, and glTF files with one in
-    /// them.
+    /// Whether files of this quality hold numbers rounded by [`crate::ltgs::Steps`]: `.ltgs` files, and pages and glTF files with
+    /// one in them.
     pub fn has_steps(self, quality: Quality) -> bool {
         match self {
-            Self::Ltgs => true,
+            Self::Ltgs | Self::Html => true,
             Self::Glb | Self::Gltf => matches!(quality, Quality::Tiny | Quality::Custom),
             _ => false,
         }
@@ -96,7 +108,7 @@ impl Format {
         match self {
             Self::Gltf => gltf::stem(path).map(drop),
             Self::Usda | Self::Usdc | Self::Usdz => usd::stem(path).map(drop),
-            Self::Glb | Self::Ltgs | Self::Ply | Self::Spz => Ok(()),
+            Self::Glb | Self::Ltgs | Self::Html | Self::Ply | Self::Spz => Ok(()),
         }
     }
 
@@ -127,7 +139,7 @@ impl Format {
                 [gltf::arrays_name(&stem)].into_iter().chain(pages).collect()
             }
             Self::Usda | Self::Usdc => vec![usd::textures_name(&stem, self.extension())],
-            Self::Glb | Self::Ltgs | Self::Usdz | Self::Ply | Self::Spz => Vec::new(),
+            Self::Glb | Self::Ltgs | Self::Html | Self::Usdz | Self::Ply | Self::Spz => Vec::new(),
         };
         let mut files: Vec<PathBuf> = names.drain(..).map(|name| path.with_file_name(name)).collect();
         if mesh && matches!(self, Self::Glb | Self::Gltf) {

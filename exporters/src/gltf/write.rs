@@ -134,7 +134,10 @@ fn assemble(asset: &SplatAsset, options: &GltfOptions<'_>, stem: Option<&str>) -
 /// Assembles a file that holds a `.ltgs` file, and small attributes for other viewers.
 fn streamed(asset: &SplatAsset, options: &GltfOptions<'_>, stem: Option<&str>) -> Result<Assembled> {
     let GltfOptions { quality, steps, per_splat, .. } = *options;
-    let bytes = ltgs::encode(asset, &ltgs::LtgsOptions { quality, steps, per_splat })?;
+    let bytes = ltgs::encode(
+        asset,
+        &ltgs::LtgsOptions { quality, steps, per_splat, ..ltgs::LtgsOptions::default() },
+    )?;
     // The attributes are made from what a reader gets.
     let kept = ltgs::decode(&bytes, Path::new(""), &ReadLimits::default())?.asset;
     let mut writer = Writer { stem, ..Writer::default() };

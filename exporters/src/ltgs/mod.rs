@@ -53,7 +53,7 @@ pub use read::{Reader, decode};
 pub use sensitivities::Sensitivities;
 pub use steps::Steps;
 pub use vectors::coder_vectors;
-pub use write::{LtgsOptions, PerSplat, Rounded, encode, quantised, rounded};
+pub use write::{Effort, LtgsOptions, PerSplat, Rounded, encode, quantised, rounded};
 
 #[cfg(test)]
 mod tests;

@@ -71,6 +71,9 @@ fn lossless_keeps_every_bit_and_the_order() {
         assert_eq!(contents.hash, Some(asset.hash()));
         assert_eq!(contents.sections.iter().map(|s| s.bytes).sum::<u64>(), bytes.len() as u64);
         assert!(validate(&bytes, Path::new(PATH)).is_empty());
+        let quick = LtgsOptions { effort: Effort::Quick, ..options(Quality::Lossless) };
+        let quick = encode(&asset, &quick).unwrap();
+        assert!(is_same(&read(&quick).unwrap().asset, &asset) && quick.len() >= bytes.len());
         if num_splats > 0 {
             // Negative control.
             let mut other = contents.asset;

@@ -16,8 +16,25 @@ use crate::{Error, Quality, Result, SplatAsset, num_sh_coefficients};
 use rayon::prelude::*;
 use twox_hash::XxHash3_64;
 
-/// Level of zstd, slow: files are written once and read often.
-const ZSTD_LEVEL: i32 = 19;
+/// How long to look for a smaller lossless file. Lossy files take the same time either way.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Effort {
+    /// For files that are written once and read often.
+    #[default]
+    Full,
+    /// For files that are read once, on the same machine: compressed in a fraction of the time, by a fifth less.
+    Quick,
+}
+
+impl Effort {
+    /// Level of zstd.
+    fn zstd_level(self) -> i32 {
+        match self {
+            Self::Full => 19,
+            Self::Quick => 1,
+        }
+    }
+}
 
 /// How to write a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -28,6 +45,8 @@ pub struct LtgsOptions<'a> {
     pub steps: Option<Steps>,
     /// What is known of the splats, for lossy files only.
     pub per_splat: PerSplat<'a>,
+    /// How long lossless files may take.
+    pub effort: Effort,
 }
 
 /// What is known of each splat of an asset that a lossy file is made of.
@@ -52,7 +71,7 @@ pub fn encode(asset: &SplatAsset, options: &LtgsOptions<'_>) -> Result<Vec<u8>> 
     let steps = match (options.quality, options.steps) {
         (Quality::Lossless, _) => {
             let meta = file_meta(asset, options.quality, asset.hash(), None);
-            return assemble(asset, options.quality, &meta, &lossless_chunks(asset));
+            return assemble(asset, options.quality, &meta, &lossless_chunks(asset, options.effort));
         }
         (_, Some(steps)) => steps,
         (Quality::Balanced | Quality::Custom, None) => Steps::balanced(),
@@ -193,14 +212,15 @@ impl Chunk {
     }
 }
 
-fn lossless_chunks(asset: &SplatAsset) -> Vec<Chunk> {
+fn lossless_chunks(asset: &SplatAsset, effort: Effort) -> Vec<Chunk> {
+    let level = effort.zstd_level();
     let of_chunk = |PlannedChunk { layer, splats: range }| {
         let first = asset.maps.get(range.start).map_or(0, |m| m.offset_texels as usize);
         let last = asset.maps.get(range.end).map_or(asset.num_texels(), |m| m.offset_texels as usize);
         let blocks = [
-            lossless::encode_geometry(asset, range.clone(), ZSTD_LEVEL),
-            lossless::encode_sh(asset, range.clone(), ZSTD_LEVEL),
-            lossless::encode_texels(&asset.texels[3 * first..3 * last], ZSTD_LEVEL),
+            lossless::encode_geometry(asset, range.clone(), level),
+            lossless::encode_sh(asset, range.clone(), level),
+            lossless::encode_texels(&asset.texels[3 * first..3 * last], level),
         ];
         Ok(Chunk::new(blocks, layer, &asset.positions[range], last - first))
     };

@@ -3,7 +3,7 @@
 use crate::common::scene;
 use Expect::{Invalid, Reads, TooLarge, Unsupported};
 use litetex_exporters::{
-    AssetMap, Format, Quality, SplatAsset, WriteOptions, gltf, ltgs, ply, spz, write_asset,
+    AssetMap, Format, Quality, SplatAsset, WriteOptions, gltf, html, ltgs, ply, spz, write_asset,
 };
 use serde_json::{Value, json};
 use twox_hash::XxHash3_64;
@@ -33,6 +33,7 @@ pub fn all() -> Vec<File> {
     glb(&mut add);
     gltf_text(&mut add);
     ltgs_files(&mut add);
+    html_files(&mut add);
     usda(&mut add);
     usdc(&mut add);
     usdz(&mut add);
@@ -49,8 +50,16 @@ fn small_scene() -> SplatAsset {
 
 type Add<'a> = &'a mut dyn FnMut(&str, Expect, Vec<u8>);
 
+/// A page that draws nothing: files of the corpus do not change with the one that does.
+const PAGE: &str = "<!doctype html><meta charset=\"utf-8\"><title></title><body><script>0</script>";
+
 /// A valid file. Text and binary USD have no maps, so that they need no pages next to them.
 pub fn valid(format: Format) -> Vec<u8> {
+    if format == Format::Html {
+        let asset = small_scene();
+        return html::wrapped(&html::Page::new(PAGE), &valid(Format::Ltgs), &asset.provenance)
+            .expect("written");
+    }
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("scene").with_extension(format.extension());
     let mut asset = small_scene();
@@ -297,6 +306,42 @@ fn ltgs_files(add: Add<'_>) {
     add("damaged_chunk.ltgs", Invalid, put(&bytes, length - 9, &[bytes[length - 9] ^ 1]));
 }
 
+fn html_files(add: Add<'_>) {
+    let bytes = valid(Format::Html);
+    let ltgs = valid(Format::Ltgs);
+    let title = &small_scene().provenance;
+    let around = |ltgs: &[u8]| html::wrapped(&html::Page::new(PAGE), ltgs, title).expect("written");
+    add("foreign.html", Invalid, b"<!DOCTYPE html>\n<title>Mine</title><p id=\"litetex\">Nothing".to_vec());
+    add(
+        "asset_in_a_comment.html",
+        Invalid,
+        replaced(&replaced(&bytes, "<body>", "<body><!--"), "</script><script>", "--></script><script>"),
+    );
+    add("asset_of_another_type.html", Invalid, replaced(&bytes, "vnd.litetex.ltgs;base64", "octet-stream"));
+    add("bad_base64.html", Invalid, replaced(&bytes, "TFRHU", "TFR U"));
+    add("two_assets.html", Invalid, [&bytes[..], &bytes[..]].concat());
+    add("no_bytes.html", Invalid, around(b""));
+    add("not_of_splats.html", Invalid, around(b"not a file of splats"));
+    add("truncated_inside.html", Invalid, around(&ltgs[..ltgs.len() * 2 / 3]));
+    add("policy_taken_out.html", Reads, replaced(&bytes, "Content-Security-Policy", "x"));
+    for (name, bytes) in many_tags(2000) {
+        add(name, Invalid, bytes);
+    }
+}
+
+/// Pages of so many bytes of beginnings of comments, elements, ends and attributes.
+fn many_tags(num_bytes: usize) -> [(&'static str, Vec<u8>); 4] {
+    let page = |first: &str, what: &str, last: &str| {
+        [first, &what.repeat(num_bytes / what.len()), last].concat().into_bytes()
+    };
+    [
+        ("many_comments.html", page("<!doctype html>", "<!-", "")),
+        ("many_ends.html", page("<!doctype html><script>", "</scrip", "")),
+        ("many_quotes.html", page("<!doctype html>", "<a '", "")),
+        ("many_attributes.html", page("<!doctype html><a ", "a=b ", ">")),
+    ]
+}
+
 fn usda(add: Add<'_>) {
     let text = valid(Format::Usda);
     let head = "#usda 1.0\n(\n    upAxis = \"Y\"\n)\n";
@@ -518,6 +563,9 @@ pub fn greedy() -> Vec<(&'static str, String, Vec<u8>)> {
     );
     let lossy = ltgs::LtgsOptions { quality: Quality::Tiny, ..ltgs::LtgsOptions::default() };
     add("rounded neutral texels", "ltgs", ltgs::encode(&neutral(2048), &lossy).expect("written"));
+    for (name, bytes) in many_tags(400_000) {
+        add(name, "html", bytes);
+    }
     add("a page of 4096 for few texels", "glb", roomy_page(4096));
     add("a page of 8192 for few texels", "glb", roomy_page(8192));
     let (json, bin) = split(&gltf::encode_glb(&small_scene(), &options).expect("written"));
