@@ -32,7 +32,7 @@ fn commands_of_help() -> Vec<(String, String)> {
 fn the_readme_lists_the_commands_as_the_help_does() {
     let readme = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("README.md")).unwrap();
     let commands = commands_of_help();
-    assert_eq!(commands.len(), 19, "{commands:?}");
+    assert_eq!(commands.len(), 20, "{commands:?}");
     let section = readme.split("## Commands").nth(1).unwrap().split("## ").next().unwrap();
     let rows: Vec<(String, String)> = section
         .lines()
@@ -66,7 +66,7 @@ fn completions_and_manual_pages_have_text() {
     assert_eq!(run(&["man", "--out", folder.to_str().unwrap()]).0, 0);
     let train = std::fs::read_to_string(folder.join("litetex-train.1")).unwrap();
     assert!(train.contains("max\\-resolution"), "{train}");
-    assert_eq!(std::fs::read_dir(folder).unwrap().count(), 21); // 19 commands, help, litetex
+    assert_eq!(std::fs::read_dir(folder).unwrap().count(), 22); // 20 commands, help, litetex
 }
 
 #[test]

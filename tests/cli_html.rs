@@ -20,7 +20,8 @@ fn folder() -> (tempfile::TempDir, PathBuf) {
     let (path, mut asset) = (folder.path().join("scene.ltgs"), asset());
     asset.provenance.title = "Scene".to_owned();
     asset.cameras[0].name = TITLE.to_owned();
-    write_asset(&path, &asset, &WriteOptions { quality: Quality::Lossless, ..WriteOptions::default() }).unwrap();
+    write_asset(&path, &asset, &WriteOptions { quality: Quality::Lossless, ..WriteOptions::default() })
+        .unwrap();
     (folder, path)
 }
 
@@ -34,7 +35,8 @@ fn a_page_holds_what_a_compact_file_holds() {
     let at = |name: &str| text(&folder.path().join(name)).to_owned();
     for quality in ["lossless", "balanced", "tiny"] {
         let (page, compact) = (at(&format!("{quality}.html")), at(&format!("{quality}.ltgs")));
-        let args = ["export", text(&scene), "-o", &page, &compact, "--quality", quality, "--device", "cpu", "-q"];
+        let args =
+            ["export", text(&scene), "-o", &page, &compact, "--quality", quality, "--device", "cpu", "-q"];
         let table = good(&args);
         assert!(table.matches(" yes").count() == 2, "{table}");
         let (bytes, inside) = (std::fs::read(&page).unwrap(), pages_ltgs(Path::new(&page)));
@@ -53,7 +55,19 @@ fn a_page_holds_what_a_compact_file_holds() {
     good(&["convert", &at("lossless.html"), &again, "--quality", "lossless", "--device", "cpu", "-q"]);
     assert!(std::fs::read(&again).unwrap() == std::fs::read(&scene).unwrap());
     let images = at("images");
-    good(&["render", &at("tiny.html"), "--orbit", "2", "-o", &images, "--size", "32", "--device", "cpu", "-q"]);
+    good(&[
+        "render",
+        &at("tiny.html"),
+        "--orbit",
+        "2",
+        "-o",
+        &images,
+        "--size",
+        "32",
+        "--device",
+        "cpu",
+        "-q",
+    ]);
     assert_eq!(std::fs::read_dir(images).unwrap().count(), 2);
     let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
     assert!(left.iter().all(|name| !name.to_string_lossy().starts_with('.')), "{left:?}");
@@ -63,7 +77,8 @@ fn a_page_holds_what_a_compact_file_holds() {
 fn titles_stay_text() {
     let (folder, scene) = folder();
     let page = folder.path().join("page.html");
-    let args = ["export", text(&scene), "-o", text(&page), "--title", TITLE, "--author", TITLE, "--licence", TITLE];
+    let args =
+        ["export", text(&scene), "-o", text(&page), "--title", TITLE, "--author", TITLE, "--licence", TITLE];
     good(&[&args[..], &["--source", TITLE, "--no-verify", "-q"]].concat());
     let bytes = String::from_utf8(std::fs::read(&page).unwrap()).unwrap();
     assert!(!bytes.contains("alert(1)</script>") && !bytes.contains("<!-- \""), "nothing is unescaped");

@@ -12,6 +12,7 @@ mod common_args;
 mod compare;
 mod completions;
 mod config_file;
+mod curve;
 mod devices;
 mod eval;
 mod evaluations;
@@ -24,6 +25,7 @@ mod lab;
 mod log;
 mod man;
 mod memory;
+mod metrics_tail;
 mod orphan;
 mod outlying;
 mod outputs;
@@ -56,7 +58,11 @@ mod uncovered;
 mod validate;
 mod values;
 mod verify;
+mod view;
 mod view_files;
+mod view_photos;
+mod view_run;
+mod view_scene;
 mod views_progress;
 mod worst_view;
 
@@ -95,6 +101,7 @@ enum Command {
     Validate(validate::ValidateArgs),
     Compare(compare::CompareArgs),
     Inspect(inspect::InspectArgs),
+    View(view::ViewArgs),
     Schedule(schedule::ScheduleArgs),
     Devices(devices::DevicesArgs),
     Selftest(selftest::SelftestArgs),
@@ -176,6 +183,7 @@ fn run(cli: Cli, log: &Log) -> anyhow::Result<()> {
         Command::Validate(args) => validate::run(&args),
         Command::Compare(args) => compare::run(&args, log),
         Command::Inspect(args) => inspect::run(&args, log),
+        Command::View(args) => view::run(&args, log),
         Command::Schedule(args) => schedule::run(&args, log),
         Command::Devices(args) => devices::run(&args),
         Command::Selftest(args) => selftest::run(&args, log),

@@ -79,7 +79,8 @@ pub fn run(args: &QuickstartArgs, log: &Log) -> anyhow::Result<()> {
          litetex inspect {run}\n  \
          litetex verify {out_folder}/still-life.ltgs --against {run}\n  \
          litetex train {capture} -o runs/untextured --policy plain --steps {}\n  \
-         litetex train <your COLMAP or nerfstudio folder> -o runs/mine --max-resolution 480 --steps 1000",
+         litetex train <your COLMAP or nerfstudio folder> -o runs/mine --max-resolution 480 --steps 1000\n  \
+         litetex view {run}",
         summary.steps, summary.steps_planned
     )?;
     Ok(())

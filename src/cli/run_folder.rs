@@ -8,13 +8,19 @@ use super::evaluations::{
 use litetex_gs::{Error, Result, atomic_file, input_file};
 use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 /// Files that a run writes next to the folders of its checkpoints and evaluations.
-const FILES: [&str; 3] = ["config.toml", "metrics.jsonl", "summary.json"];
+const FILES: [&str; 4] = ["config.toml", "metrics.jsonl", "summary.json", PREVIEW];
+/// The model of a training that is under way, as its page shows it: a `.ltgs` file that is replaced every few seconds.
+pub const PREVIEW: &str = "preview.ltgs";
 const CHECKPOINTS: &str = "checkpoints";
 const EVALUATIONS: &str = "eval";
 /// The file that a training keeps locked. The lock ends with the process; the file stays and does no harm.
 const LOCK: &str = ".litetex-train.lock";
+/// How often, and after which pauses, a lock that is taken is tried again.
+const LOCK_TRIES: u32 = 5;
+const LOCK_PAUSE: Duration = Duration::from_millis(10);
 
 /// The folder of a run, locked against other trainings until it is dropped.
 #[derive(Debug)]
@@ -37,7 +43,16 @@ impl RunLock {
         atomic_file::check_place(&path)?;
         let file = File::options().write(true).create(true).truncate(false).open(&path);
         let file = file.map_err(|e| Error::io(&path, e))?;
-        match file.try_lock() {
+        // Whoever asks whether the lock is taken holds it for a moment.
+        let mut outcome = file.try_lock();
+        for _ in 0..LOCK_TRIES {
+            if !matches!(outcome, Err(TryLockError::WouldBlock)) {
+                break;
+            }
+            std::thread::sleep(LOCK_PAUSE);
+            outcome = file.try_lock();
+        }
+        match outcome {
             Err(TryLockError::WouldBlock) => Err(Error::Usage(format!(
                 "{}: another training is writing into this folder; wait until it ends, or choose another folder with \
                  --out",
@@ -46,6 +61,12 @@ impl RunLock {
             // Not every file system has locks; two trainings in one folder are the user's risk there.
             Ok(()) | Err(TryLockError::Error(_)) => Ok(Self(file)),
         }
+    }
+
+    /// Whether a training is writing into a folder. Where file systems have no locks, the answer is no.
+    pub fn is_taken(root: &Path) -> bool {
+        let file = File::open(root.join(LOCK));
+        file.is_ok_and(|file| matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock)))
     }
 }
 
@@ -86,7 +107,7 @@ impl RunFolder {
         Ok(folder)
     }
 
-    /// The folder of a run that is continued; leftovers of an interrupted evaluation are deleted.
+    /// The folder of a run that is continued; leftovers of an interrupted evaluation and an old preview are deleted.
     ///
     /// # Errors
     /// [`Error::Usage`] if the place of a file is taken by a device, a pipe or a folder; [`Error::Io`].
@@ -94,6 +115,7 @@ impl RunFolder {
         FILES.iter().try_for_each(|name| atomic_file::check_place(&root.join(name)))?;
         let folder = Self { root: root.to_owned(), _lock: lock };
         remove_staged(&folder.root.join(EVALUATIONS))?;
+        remove_file(&folder.root.join(PREVIEW))?;
         Ok(folder)
     }
 
@@ -344,6 +366,7 @@ mod tests {
             "config.toml",
             "metrics.jsonl",
             "summary.json",
+            PREVIEW,
             "checkpoints/step-000010.safetensors",
             "checkpoints/step-000010.history.json",
             "checkpoints/.step-000020.safetensors.7.part",

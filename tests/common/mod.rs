@@ -10,6 +10,7 @@ pub mod full_method;
 pub mod gpu;
 pub mod moved;
 pub mod need;
+pub mod page;
 pub mod plans;
 pub mod poison;
 pub mod steps;

@@ -1,0 +1,135 @@
+//! `litetex view`: shows a scene in the browser, and follows a run while it trains.
+
+use super::capture::Capture;
+use super::interrupt::Interrupt;
+use super::log::Log;
+use super::run_folder::is_run;
+use super::sources::{load_scene, open_photos};
+use super::view_photos::{CapturePhotos, list};
+use super::view_run::RunWatch;
+use super::view_scene::{name_of, served};
+use crate::viewer::{Server, Shown};
+use litetex_gs::{Error, Result};
+use std::io::{ErrorKind, Write};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// Time between two looks for Ctrl-C.
+const NAP: Duration = Duration::from_millis(50);
+
+/// Time between two looks at the files of a run.
+const LOOK_INTERVAL: Duration = Duration::from_secs(1);
+
+/// Show a scene in the browser, or follow a run while it trains
+///
+/// Serves the scene to this machine's browser only, until Ctrl-C, and prints the address, which nobody else should know:
+/// whoever has it may read the scene. Of a run, shows the last checkpoint, or what "litetex train --view" has written since.
+#[derive(clap::Args)]
+pub struct ViewArgs {
+    /// An asset, a run or a checkpoint; without one, the page asks for a file
+    #[arg(value_name = "FILE|RUN")]
+    source: Option<PathBuf>,
+    /// Show the photos of this capture [default: that of the run]
+    #[arg(long, value_name = "DIR", requires = "source")]
+    capture: Option<PathBuf>,
+    #[command(flatten)]
+    server: ServerArgs,
+}
+
+/// Arguments of commands that serve a page.
+#[derive(clap::Args, Clone, Debug, Default)]
+pub struct ServerArgs {
+    /// Port of the page's address [default: any that is free]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub port: Option<u16>,
+    /// Print the address without opening the browser, on whose command line other users of the machine may see it
+    #[arg(long)]
+    pub no_open: bool,
+}
+
+/// Serves until Ctrl-C.
+pub fn run(args: &ViewArgs, log: &Log) -> anyhow::Result<()> {
+    let interrupt = Interrupt::listen(log, "closing the viewer")?;
+    let shown = Arc::new(Shown::default());
+    let mut watch = show(args, &shown, log)?;
+    let server = start(args.server.port, "--port", &shown)?;
+    announce(&server, args.server.no_open, log)?;
+    let mut looked = Instant::now();
+    while !interrupt.is_requested() {
+        std::thread::sleep(NAP);
+        if let Some(watch) = watch.as_mut().filter(|_| looked.elapsed() >= LOOK_INTERVAL) {
+            watch.look(log);
+            looked = Instant::now();
+        }
+    }
+    Err(Error::Interrupted.into())
+}
+
+/// Reads what is to be shown. Runs are watched for changes.
+fn show(args: &ViewArgs, shown: &Arc<Shown>, log: &Log) -> Result<Option<RunWatch>> {
+    let Some(source) = &args.source else { return Ok(None) };
+    if source.is_dir() && is_run(source) {
+        return RunWatch::start(source, args.capture.as_deref(), Arc::clone(shown), log).map(Some);
+    }
+    let (scene, trained) = load_scene(source, log)?;
+    let capture = match open_photos(&scene, trained.as_ref(), args.capture.as_deref(), log) {
+        // What the user named must be there.
+        Err(error) if args.capture.is_some() => return Err(error),
+        Err(error) => {
+            no_photos(&error, log);
+            None
+        }
+        Ok(capture) => capture,
+    };
+    offer_photos(capture.map(Arc::new), shown);
+    let (asset, bytes) = served(&scene)?;
+    let title = match scene.asset.provenance.title.as_str() {
+        "" => name_of(source),
+        title => title.to_owned(),
+    };
+    shown.set_asset(&title, asset, bytes);
+    Ok(None)
+}
+
+/// Offers the photos of a capture, if there is one.
+pub fn offer_photos(capture: Option<Arc<Capture>>, shown: &Shown) {
+    if let Some(capture) = capture {
+        shown.set_photos(list(&capture), Arc::new(CapturePhotos(capture)));
+    }
+}
+
+/// Says why there are no photos.
+pub fn no_photos(error: &Error, log: &Log) {
+    log.warn("no-photos", &format!("photos are not shown: {error}"), 1);
+}
+
+/// Starts a server. `option` is what names the port.
+///
+/// # Errors
+/// [`Error::Usage`] if the port is taken or not allowed, [`Error::Device`] for other refusals of the system.
+pub fn start(port: Option<u16>, option: &str, shown: &Arc<Shown>) -> Result<Server> {
+    Server::start(port.unwrap_or(0), Arc::clone(shown)).map_err(|e| match (port, e.kind()) {
+        (Some(port), ErrorKind::AddrInUse | ErrorKind::PermissionDenied) => {
+            Error::Usage(format!("{option} {port}: {e}; choose another port, or leave {option} out"))
+        }
+        _ => Error::Device(format!("cannot serve the page: {e}")),
+    })
+}
+
+/// Prints the address and opens the browser.
+///
+/// # Errors
+/// [`Error::Io`] if the address cannot be printed.
+pub fn announce(server: &Server, no_open: bool, log: &Log) -> Result<()> {
+    let url = server.url();
+    let mut out = std::io::stdout().lock();
+    writeln!(out, "{url}").and_then(|()| out.flush()).map_err(|e| Error::io("standard output", e))?;
+    drop(out);
+    log.info("the page is for this machine's browser; Ctrl-C closes it");
+    if !no_open && let Err(error) = open::that_detached(&url) {
+        let what = format!("no browser could be opened ({error}); open the address in one, or use --no-open");
+        log.warn("no-browser", &what, 1);
+    }
+    Ok(())
+}
