@@ -197,6 +197,7 @@ fn run_with(
                 format!("checkpoint {}", state.step)
             }
             TrainEvent::Warning(warning) => format!("{warning:?}"),
+            TrainEvent::Snapshot { step, .. } => format!("snapshot {step}"),
             TrainEvent::Finished { reason } => format!("finished {reason:?}"),
         });
         Ok(control)

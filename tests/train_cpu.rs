@@ -89,6 +89,41 @@ fn the_consumer_stops_training_with_a_checkpoint() {
 }
 
 #[test]
+fn snapshots_change_no_bit_of_the_training() {
+    let scene = scene();
+    let views = photos(&scene);
+    let outcome = |every: u32| {
+        let (mut taken, mut saved) = (Vec::new(), None);
+        let mut sink = |event: TrainEvent<'_>| {
+            match event {
+                TrainEvent::Step { step, .. } if every > 0 && step % every == 0 => {
+                    return Ok(Control::Snapshot);
+                }
+                TrainEvent::Snapshot { step, model, .. } => taken.push((step, model)),
+                TrainEvent::Checkpoint { state } => saved = Some(state.model.clone()),
+                // Outside of steps, the answer asks for nothing.
+                TrainEvent::Started { .. } | TrainEvent::Evaluated { .. } if every > 0 => {
+                    return Ok(Control::Snapshot);
+                }
+                _ => {}
+            }
+            Ok(Control::Continue)
+        };
+        let mut backend = CpuBackend::new(Some(1)).unwrap();
+        let start = TrainState::fresh(damaged(&scene));
+        let (state, reason) = train(&config(30), &mut backend, &views, start, &mut sink).unwrap();
+        assert_eq!((state.step, reason), (30, StopReason::Steps));
+        (state, taken, saved.unwrap())
+    };
+    let (plain, none, _) = outcome(0);
+    let (watched, taken, saved) = outcome(4);
+    assert!(none.is_empty() && watched.model == saved);
+    assert!(watched.model == plain.model && watched.adam == plain.adam);
+    assert_eq!(taken.iter().map(|(step, _)| *step).collect::<Vec<_>>(), [4, 8, 12, 16, 20, 24, 28]);
+    assert!(taken.windows(2).all(|pair| pair[0].1 != pair[1].1), "they differ from step to step");
+}
+
+#[test]
 fn without_training_views_training_is_a_usage_error() {
     let scene = scene();
     let views = MemoryViews(photos(&scene).0[..1].to_vec());

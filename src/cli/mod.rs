@@ -22,6 +22,7 @@ mod init_source;
 mod inspect;
 mod interrupt;
 mod lab;
+mod live_view;
 mod log;
 mod man;
 mod memory;

@@ -60,7 +60,7 @@ pub fn run(args: &QuickstartArgs, log: &Log) -> anyhow::Result<()> {
         },
         ..TrainArgs::default()
     };
-    let (summary, _) = train::train_run(&train_args, log)?;
+    let summary = train::train_run(&train_args, log)?.summary;
     train_summary::print(&summary)?;
     log.info("3/3 writing assets, and rendering each to verify it");
     let asset = AssetArgs { force: args.force, title: Some("Still life".to_owned()), ..AssetArgs::default() };

@@ -4,6 +4,7 @@
 use super::config_file::{RunConfig, SaveImages};
 use super::evaluations::StagedFolder;
 use super::interrupt::Interrupt;
+use super::live_view::Preview;
 use super::log::Log;
 use super::outlying::ViewLosses;
 use super::progress::{Progress, StepFigures};
@@ -61,6 +62,8 @@ pub struct Session<'a> {
     evaluated_step: u32,
     /// The last evaluation.
     pub evaluation: Option<Evaluation>,
+    /// What shows the model while it trains.
+    pub preview: Option<Preview>,
     /// The last checkpoint.
     pub checkpoint: Option<PathBuf>,
     /// Warnings of the trainer.
@@ -101,6 +104,7 @@ impl<'a> Session<'a> {
             densify_until: Schedule::new(&config.train, views.indices(Split::Train).len()).densify_until,
             evaluated_step: 0,
             evaluation: None,
+            preview: None,
             checkpoint: None,
             report: Report::default(),
         })
@@ -111,6 +115,7 @@ impl<'a> Session<'a> {
     /// # Errors
     /// What writing files reports.
     pub fn handle(&mut self, event: TrainEvent<'_>) -> Result<Control> {
+        let is_wanted = self.preview.as_mut().is_some_and(|preview| preview.handle(&event, self.log));
         match event {
             TrainEvent::Started { device, step, steps, train_views, test_views } => {
                 self.log.info(&format!(
@@ -150,6 +155,11 @@ impl<'a> Session<'a> {
                 self.publish_eval(step, evaluation)?;
             }
             TrainEvent::Checkpoint { state } => self.save(state)?,
+            TrainEvent::Snapshot { step, model, wall_secs } => {
+                if let Some(preview) = &mut self.preview {
+                    preview.take(step, model, wall_secs);
+                }
+            }
             TrainEvent::Warning(warning) => {
                 self.log.warn(&warning.code, &warning.message, warning.count);
                 self.metric(json!({ "event": "warning", "warning": warning }))?;
@@ -170,7 +180,11 @@ impl<'a> Session<'a> {
                 self.metric(json!({ "event": "finished", "reason": reason_name(reason) }))?;
             }
         }
-        Ok(if self.interrupt.is_requested() { Control::Stop } else { Control::Continue })
+        Ok(match (self.interrupt.is_requested(), is_wanted) {
+            (true, _) => Control::Stop,
+            (false, true) => Control::Snapshot,
+            (false, false) => Control::Continue,
+        })
     }
 
     fn step(&mut self, event: &TrainEvent<'_>) -> Result<()> {

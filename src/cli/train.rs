@@ -3,6 +3,7 @@
 use super::asset_args::AssetArgs;
 use super::capture::{self, Capture};
 use super::interrupt::Interrupt;
+use super::live_view::LiveView;
 use super::log::Log;
 use super::memory::machine_bytes;
 use super::resource_estimate::{ResourceEstimate, Workload};
@@ -21,6 +22,7 @@ use litetex_gs::train::{Schedule, StopReason, TrainConfig, TrainState, check_lim
 use litetex_gs::views::{Split, ViewSource as _};
 use litetex_gs::{Error, Report, Result};
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Trains and prints the result.
@@ -31,32 +33,45 @@ pub fn run(args: TrainArgs, log: &Log) -> anyhow::Result<()> {
     let asset = AssetArgs { force: args.force, ..AssetArgs::default() };
     // Before hours of training, not after.
     outputs::check(None, &args.export, &asset)?;
-    let (summary, run) = train_run(&args, log)?;
+    let Trained { summary, run, live } = train_run(&args, log)?;
     train_summary::print(&summary)?;
     if !args.export.is_empty() {
         let (scene, trained) = load_scene(&run, log)?;
         export::write_all((scene, trained.as_ref()), &args.export, &asset, &args.device, log)?.print()?;
     }
+    if let Some(live) = live {
+        live.stay(&run, log)?;
+    }
     Ok(())
 }
 
-/// Trains, writes the summary and returns it with the folder of the run.
+/// A run that is done.
+pub struct Trained {
+    pub summary: Summary,
+    /// Its folder.
+    pub run: PathBuf,
+    /// The page that showed it, if there is one.
+    live: Option<LiveView>,
+}
+
+/// Trains and writes the summary.
 ///
 /// # Errors
 /// [`Error::Interrupted`] after everything was saved; whatever else goes wrong.
-pub fn train_run(args: &TrainArgs, log: &Log) -> Result<(Summary, PathBuf)> {
+pub fn train_run(args: &TrainArgs, log: &Log) -> Result<Trained> {
     let started = Instant::now();
     let mut job = TrainJob::plan(args)?;
     let mut capture = capture::open(job.config.data()?, &job.config.capture)?;
     log.report(&capture.report);
     let mut report = std::mem::take(&mut capture.report);
+    let capture = Arc::new(capture);
     let resumed = job.resume.as_ref().map(|resume| resume.summary());
     let state = first_state(&mut job, &capture, &mut report, log)?;
     let earlier_secs = state.history.total_wall_secs;
     let mut backend = devices::open(&job.device, log)?;
     check_memory(&job, backend.as_ref(), &capture, &state, &mut report, log)?;
     // Before the folder is made: a run that cannot be made leaves nothing behind.
-    check_limits(&job.config.train, backend.as_ref(), &capture, &state.model)?;
+    check_limits(&job.config.train, backend.as_ref(), &*capture, &state.model)?;
     log.info(&format!("checking {} photos", capture.num_views()));
     let photos = capture.check_photos()?;
     log.report(&photos);
@@ -66,12 +81,16 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<(Summary, PathBuf)> {
     for part in schedule.inactive(&job.config.train) {
         log.info(&format!("without effect in this run: {part}"));
     }
+    let live = args.view.then(|| LiveView::start(args.view_port)).transpose()?;
     let folder = job.open_folder(state.step)?;
     let total_secs = move || earlier_secs + started.elapsed().as_secs_f64();
     let interrupt = Interrupt::listen(log, "saving the run")?;
-    let mut session = Session::new(&folder, &capture, &job.config, log, interrupt, state.step, total_secs)?;
+    let mut session = Session::new(&folder, &*capture, &job.config, log, interrupt, state.step, total_secs)?;
+    let follow = |live: &LiveView| live.follow(&folder, &capture, &job.config, args.no_open, log);
+    session.preview = live.as_ref().map(follow).transpose()?;
     let outcome =
-        train(&job.config.train, backend.as_mut(), &capture, state, &mut |event| session.handle(event));
+        train(&job.config.train, backend.as_mut(), &*capture, state, &mut |event| session.handle(event));
+    session.preview = None;
     let (state, reason) = outcome.inspect_err(|_| session.report_how_to_continue())?;
     let is_trained = reason != StopReason::Consumer && state.step >= UNCOVERED_MIN_STEPS;
     if is_trained && capture.indices(Split::Test).is_empty() {
@@ -107,7 +126,7 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<(Summary, PathBuf)> {
         ));
         return Err(Error::Interrupted);
     }
-    Ok((summary, job.out))
+    Ok(Trained { summary, run: job.out, live })
 }
 
 /// A warning if a run ended before its model was brought down to the budget.

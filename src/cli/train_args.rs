@@ -45,6 +45,15 @@ pub struct TrainArgs {
     /// Also write the trained scene as an asset; several files may follow. "litetex export" has more options
     #[arg(long, value_name = "FILE", num_args = 1..)]
     pub export: Vec<PathBuf>,
+    /// Show the model in the browser while it trains, and its result until Ctrl-C; costs 3 % of the time at most
+    #[arg(long, help_heading = "Viewer")]
+    pub view: bool,
+    /// Port of the page's address [default: any that is free]
+    #[arg(long, value_name = "N", requires = "view", value_parser = clap::value_parser!(u16).range(1..), help_heading = "Viewer")]
+    pub view_port: Option<u16>,
+    /// Print the address without opening the browser, on whose command line other users of the machine may see it
+    #[arg(long, requires = "view", help_heading = "Viewer")]
+    pub no_open: bool,
     /// Stop at once when standard input ends: "litetex bench" starts its runs this way
     #[arg(long, hide = true)]
     pub end_with_stdin: bool,

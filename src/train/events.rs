@@ -7,14 +7,17 @@ use super::state::TrainState;
 use crate::Warning;
 use crate::backend::{DeviceInfo, LossValues, RenderedImage, StepReport};
 use crate::eval::Evaluation;
-use crate::model::ModelSize;
+use crate::model::{Model, ModelSize};
 use serde::{Deserialize, Serialize};
 
-/// The consumer's answer to an event.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// The consumer's answer to an event. Of several answers to the events of a batch, the greatest counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Control {
     /// Go on training.
     Continue,
+    /// To an event of a step: emit a [`TrainEvent::Snapshot`] after it, or after the batch that contains it, and go on. To events
+    /// between steps the same as `Continue`.
+    Snapshot,
     /// Stop after this step, or after the batch that contains it; the trainer emits a last
     /// [`TrainEvent::Checkpoint`].
     Stop,
@@ -126,6 +129,16 @@ pub enum TrainEvent<'a> {
     Checkpoint {
         /// The state, complete enough to continue bit for bit.
         state: &'a TrainState,
+    },
+    /// The model that the consumer asked for with [`Control::Snapshot`]. Taking it changes no bit of the training, and does not
+    /// count as training time.
+    Snapshot {
+        /// Steps done.
+        step: u32,
+        /// The model with all lazy updates done.
+        model: Model,
+        /// Time that reading it took.
+        wall_secs: f64,
     },
     /// A problem worth reporting once.
     Warning(Warning),

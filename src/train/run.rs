@@ -152,7 +152,7 @@ impl Trainer<'_> {
         };
         // Saved before the evaluation, which may fail to read photos, and again with its figures.
         self.checkpoint(sink)?;
-        if reason != StopReason::Consumer && self.evaluate(true, sink)? == Control::Continue {
+        if reason != StopReason::Consumer && self.evaluate(true, sink)? != Control::Stop {
             self.checkpoint(sink)?;
         }
         sink(TrainEvent::Finished { reason })?;
@@ -173,15 +173,17 @@ impl Trainer<'_> {
         }
         while self.state.step < self.config.steps {
             let mut control = self.batch(sink)?;
+            if control == Control::Snapshot {
+                control = self.snapshot(sink)?;
+            }
             let limit = self.config.max_time_secs;
-            if control == Control::Continue && limit.is_some_and(|l| self.state.history.train_wall_secs >= l)
-            {
+            if control != Control::Stop && limit.is_some_and(|l| self.state.history.train_wall_secs >= l) {
                 return Ok(StopReason::Time);
             }
-            if control == Control::Continue && self.is_due(self.config.eval_every, self.state.step) {
+            if control != Control::Stop && self.is_due(self.config.eval_every, self.state.step) {
                 control = self.evaluate(false, sink)?;
             }
-            if control == Control::Continue && self.is_due(self.config.save_every, self.state.step) {
+            if control != Control::Stop && self.is_due(self.config.save_every, self.state.step) {
                 self.checkpoint(sink)?;
             }
             if control == Control::Stop {
@@ -243,13 +245,9 @@ impl Trainer<'_> {
                 texture_cap,
                 wall_secs: density_control_secs,
             };
-            if sink(event)? == Control::Stop {
-                control = Control::Stop;
-            }
-            if let Some(outcome) = given_back
-                && sink(TrainEvent::GaveBack(outcome))? == Control::Stop
-            {
-                control = Control::Stop;
+            control = control.max(sink(event)?);
+            if let Some(outcome) = given_back {
+                control = control.max(sink(TrainEvent::GaveBack(outcome))?);
             }
         }
         match diverged {
@@ -443,11 +441,15 @@ impl Trainer<'_> {
                 train_cpu_secs: cpu_before + cpu_secs * share,
                 remaining_secs: remaining_secs + wall_secs * (1.0 - share),
             })?;
-            if answer == Control::Stop {
-                control = Control::Stop;
-            }
+            control = control.max(answer);
         }
         Ok(control)
+    }
+
+    fn snapshot(&mut self, sink: Sink<'_>) -> Result<Control> {
+        let began = Instant::now();
+        let model = self.backend.read_flushed()?;
+        sink(TrainEvent::Snapshot { step: self.state.step, model, wall_secs: began.elapsed().as_secs_f64() })
     }
 
     fn evaluate(&mut self, last: bool, sink: Sink<'_>) -> Result<Control> {

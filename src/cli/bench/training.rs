@@ -94,6 +94,7 @@ fn parse(args: &[String]) -> Result<TrainArgs, String> {
         (parsed.out.is_some(), "--out: every run has a folder of its own"),
         (parsed.force, "--force: bench skips finished runs; its own --force repeats all"),
         (parsed.resume.is_some(), "--resume: every run starts from scratch"),
+        (parsed.view, "--view: nobody looks at the runs of a benchmark"),
         (parsed.training.seed.is_some(), "--seed: use --seeds of litetex bench"),
     ] {
         if given {
@@ -128,6 +129,7 @@ mod tests {
             ("-o x", "--out"),
             ("--force", "--force"),
             ("--resume x", "--resume"),
+            ("--view", "--view"),
             ("captures/c", "a capture"),
             ("--help", "ask for help"),
         ] {
