@@ -1,6 +1,6 @@
 import { readdirSync } from 'node:fs';
 import { expect, test } from 'vitest';
-import { file, messageOf, outcomeOf, randomOf, seal } from './scenes';
+import { file, join, messageOf, outcomeOf, randomOf, seal, split } from './scenes';
 
 /** Files of the corpus that are read: the program reads them, too, but those of other versions of the extension. */
 const READ = [
@@ -45,6 +45,35 @@ test('files of other formats are told from damaged ones', async () => {
         if (names.includes(name) || name.startsWith('empty')) continue;
         expect(messageOf((await outcomeOf(file(`${CORPUS}/${name}`))).error)).toMatch(/^unsupported: file: /);
     }
+});
+
+/** All places in a JSON value: the object or list, and the key in it. */
+function placesIn(value: any): [any, string][] {
+    if (typeof value !== 'object' || value === null) return [];
+    return Object.keys(value).flatMap((key): [any, string][] => [[value, key], ...placesIn(value[key])]);
+}
+
+const ODD = [null, -1, 0.5, 1e300, 2 ** 32, 'text', '__proto__', [], {}, true, [[]], 7];
+
+test('JSON with odd values is an error or a scene', async () => {
+    const random = randomOf(Number(process.env.LITETEX_MUTATION_SEED ?? 1));
+    const originals = [file('web/tests/data/tiny.glb'), file('samples/conformance/balanced.glb'), file(`${CORPUS}/no_shifts.glb`)];
+    let read = 0;
+    const rounds = process.env.LITETEX_MUTATION_SECS ? 20000 : 500;
+    for (let i = 0; i < rounds; i += 1) {
+        const { json, bin } = split(originals[random(originals.length)]);
+        for (let changes = random(2); changes >= 0; changes -= 1) {
+            const places = placesIn(json);
+            const [parent, key] = places[random(places.length)];
+            if (random(6) === 0) delete parent[key];
+            else parent[key] = ODD[random(ODD.length)];
+        }
+        const { error } = await measured(join(json, bin));
+        if (error === null) read += 1;
+        else messageOf(error);
+    }
+    expect(read).toBeGreaterThan(0);
+    expect(read).toBeLessThan(rounds / 2);
 });
 
 /** One to four changes; `others` lend bytes. */
