@@ -5,7 +5,7 @@ import { defineConfig, type Plugin } from 'vite';
 import { glsl } from './vite.glsl';
 
 const ROOT = fileURLToPath(new URL('./src/page', import.meta.url));
-const BUILT = fileURLToPath(new URL('./built', import.meta.url));
+const BUILT = fileURLToPath(new URL('../exporters/page', import.meta.url));
 
 /**
  * Puts script and style into the page, which then is one file: `view.html`. It keeps what the program relies on: the charset

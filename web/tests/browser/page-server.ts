@@ -7,7 +7,7 @@ import type { AddressInfo, Socket } from 'node:net';
 import { join } from 'node:path';
 import { WEB } from './browser';
 
-export const PAGE = join(WEB, 'built/view.html');
+export const PAGE = join(WEB, '../exporters/page/view.html');
 const TOKEN = '0123456789abcdef0123456789abcdef';
 
 /** What the page may do, as in `exporters/src/html/page.rs`. */

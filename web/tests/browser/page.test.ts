@@ -202,7 +202,7 @@ describe.skipIf(!browserPath())('page', () => {
     });
 
     test('opens files that are dropped, says why it cannot, and keeps the scene then', async () => {
-        const opened = await driver.open(pathToFileURL(join(WEB, 'built/view.html')).href, { wait: false });
+        const opened = await driver.open(pathToFileURL(join(WEB, '../exporters/page/view.html')).href, { wait: false });
         const { page } = opened;
         await page.waitForSelector('#welcome:not([hidden])');
         expect(await page.isDisabled('#tool-cameras')).toBe(true);

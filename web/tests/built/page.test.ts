@@ -7,11 +7,11 @@ import { afterAll, describe, expect, test } from 'vitest';
 import { build } from 'vite';
 
 const WEB = join(import.meta.dirname, '../..');
-const html = readFileSync(join(WEB, 'built/view.html'), 'utf8');
+const html = readFileSync(join(WEB, '../exporters/page/view.html'), 'utf8');
 const outDir = mkdtempSync(join(tmpdir(), 'page-'));
 afterAll(() => rmSync(outDir, { recursive: true }));
 
-describe('web/built/view.html', () => {
+describe('exporters/page/view.html', () => {
     test('is what the sources give; else run "npm run build:page"', async () => {
         await build({ root: join(WEB, 'src/page'), configFile: join(WEB, 'vite.page.config.ts'), logLevel: 'error', build: { outDir } });
         expect(readFileSync(join(outDir, 'view.html'), 'utf8') === html).toBe(true);
