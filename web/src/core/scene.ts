@@ -31,6 +31,8 @@ export interface Splats {
   readonly texels: Float32Array;
 }
 
+type Vector = readonly [number, number, number];
+
 /** A camera of the capture: x right, y down, z forward. */
 export interface SceneCamera {
   readonly name: string;
@@ -73,6 +75,10 @@ export interface SceneInfo {
   /** World (y up) from data: a similarity, column by column. */
   readonly worldFromData: readonly number[];
   readonly cameras: readonly SceneCamera[];
+  /** Index of the camera to begin at; null: none is named. */
+  readonly home: number | null;
+  /** Box around the bulk of what is seen, without floaters and backdrop; null: not known. */
+  readonly bounds: { readonly min: Vector; readonly max: Vector } | null;
   readonly provenance: Provenance;
   /** Whether the textures are missing: dropped by another program, or of a newer version. Says why. */
   readonly untextured: string | null;

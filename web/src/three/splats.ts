@@ -6,7 +6,7 @@ import {
 } from 'three';
 import type { Colours } from '../core/render/colours';
 import type { SceneCamera, SceneInfo, SplatUpdate } from '../core/scene';
-import { boundsOf } from '../viewer/bounds';
+import { sceneBounds } from '../viewer/bounds';
 import { SplatData, type SplatsOptions } from './data';
 import { CONVERSION, SplatMaterial } from './material';
 import { CameraOrder } from './orders';
@@ -169,8 +169,13 @@ export class LitetexSplats extends Mesh<InstancedBufferGeometry, SplatMaterial> 
         intersects.push(hit);
     }
 
-    /** The box between the 5th and the 95th percentile of centres along each axis, in the frame of the data. */
+    /** What the file says is its bulk; else the box between the 5th and the 95th percentile of centres. In the frame of the data. */
     computeBoundingBox(): void {
+        const { bounds } = this.info;
+        if (bounds) {
+            this.boundingBox = new Box3(new Vector3(...bounds.min), new Vector3(...bounds.max));
+            return;
+        }
         const positions = this.positions();
         const step = 3 * Math.max(1, Math.floor(positions.length / 60_000));
         this.boundingBox = new Box3();
@@ -182,9 +187,9 @@ export class LitetexSplats extends Mesh<InstancedBufferGeometry, SplatMaterial> 
         }
     }
 
-    /** The sphere around the medians of centres that holds nine of ten, in the frame of the data. three.js orders transparent objects by its centre. */
+    /** The sphere around that box or, without bounds in the file, around nine of ten splats, in the frame of the data. three.js orders transparent objects by its centre. */
     computeBoundingSphere(): void {
-        const { centre, radius } = boundsOf(this.positions());
+        const { centre, radius } = sceneBounds(this.info, () => this.positions());
         this.boundingSphere = new Sphere(new Vector3(...centre), this.splatCount > 0 ? radius : 0);
     }
 

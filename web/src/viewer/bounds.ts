@@ -1,10 +1,26 @@
+import type { SceneInfo } from '../core/scene';
 import type { Vec3 } from './vector';
+
+export interface Sphere {
+    readonly centre: Vec3;
+    readonly radius: number;
+}
+
+/** A sphere around the bulk of a scene, in the data: what the file says, else by its centres. */
+export function sceneBounds({ bounds }: Pick<SceneInfo, 'bounds'>, positions: () => Float32Array): Sphere {
+    if (!bounds) return boundsOf(positions());
+    const { min, max } = bounds;
+    return {
+        centre: min.map((low, i) => 0.5 * (low + max[i])) as Vec3,
+        radius: Math.max(0.5 * Math.hypot(...min.map((low, i) => max[i] - low)), 1e-6),
+    };
+}
 
 /**
  * A sphere around most of a scene: the medians of its centres, and the distance within which nine of ten lie. Floaters and
  * backdrops, which are few, do not count.
  */
-export function boundsOf(positions: Float32Array): { centre: Vec3; radius: number } {
+export function boundsOf(positions: Float32Array): Sphere {
     const count = positions.length / 3;
     if (count === 0) return { centre: [0, 0, 0], radius: 1 };
     const step = Math.max(1, Math.floor(count / 20_000));

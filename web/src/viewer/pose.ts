@@ -2,6 +2,7 @@
 
 import type { SceneCamera, SceneInfo } from '../core/scene';
 import { centreOf, type View } from '../core/render/view';
+import type { Sphere } from './bounds';
 import { add, cross, dot, length, normalize, scale, sub, turned, type Vec3 } from './vector';
 
 /** Closest that the direction of view comes to straight up or down, radians. */
@@ -98,8 +99,8 @@ export function fitted(lens: Lens, widthPx: number, heightPx: number): { scale: 
     return { scale: ratio, x: (widthPx - lens.widthPx * ratio) / 2, y: (heightPx - lens.heightPx * ratio) / 2 };
 }
 
-/** A pose to begin with: the first camera of the training, orbiting around what all cameras look at. */
-export function homePose(info: SceneInfo, bounds: { centre: Vec3; radius: number }): Pose {
+/** A pose to begin with: that of the home camera, orbiting around what all cameras look at. */
+export function homePose(info: SceneInfo, bounds: Sphere): Pose {
     const cameras = info.cameras;
     const pose = new Pose(upOf(info));
     if (cameras.length > 0) {
@@ -112,8 +113,9 @@ export function homePose(info: SceneInfo, bounds: { centre: Vec3; radius: number
     return pose;
 }
 
+/** The one that the file names, else the first of the training. */
 export function homeCamera(info: SceneInfo): SceneCamera | undefined {
-    return info.cameras.find((camera) => !camera.heldOut) ?? info.cameras[0];
+    return info.cameras[info.home ?? -1] ?? info.cameras.find((camera) => !camera.heldOut) ?? info.cameras[0];
 }
 
 /** Up: what most cameras held upright say, for captures have no gravity; without cameras that of the file. */
@@ -126,7 +128,7 @@ export function upOf(info: SceneInfo): Vec3 {
 }
 
 /** Distance along the axis to the point nearest to all other cameras' axes; to the scene's middle if they do not meet. */
-function orbitDistance(pose: Pose, cameras: readonly SceneCamera[], bounds: { centre: Vec3; radius: number }): number {
+function orbitDistance(pose: Pose, cameras: readonly SceneCamera[], bounds: Sphere): number {
     const distances = cameras.map((camera) => {
         const r = camera.rotation;
         const axis: Vec3 = [r[6], r[7], r[8]];

@@ -7,7 +7,7 @@ import { type DrawOptions, SplatRenderer } from '../core/render/renderer';
 import type { View } from '../core/render/view';
 import { startWorker } from '../core/worker/start';
 import type { FromWorker, Source } from '../core/worker/messages';
-import { boundsOf } from './bounds';
+import { sceneBounds, type Sphere } from './bounds';
 import { Controls } from './controls';
 import { homePose, type Pose } from './pose';
 
@@ -58,7 +58,7 @@ export class Viewer {
     /** Drawn instead of the plain image, if set: for comparisons side by side. */
     compose: ((view: View, options: DrawOptions) => void) | null = null;
     private positions: Float32Array = new Float32Array(0);
-    private bounds: ReturnType<typeof boundsOf> | null = null;
+    private bounds: Sphere | null = null;
     private reading: Worker | null = null;
     /** What has been read of a file that is shown only as a whole. */
     private held: FromWorker[] = [];
@@ -276,7 +276,7 @@ export class Viewer {
         return [Math.max(distance - radius, 0.05 * far), far];
     }
 
-    private boundsOfScene(): ReturnType<typeof boundsOf> {
-        return this.bounds ??= boundsOf(this.positions);
+    private boundsOfScene(): Sphere {
+        return this.bounds ??= sceneBounds(this.info!, () => this.positions);
     }
 }

@@ -9,7 +9,7 @@ export const COLOUR_SPACES = ['srgb_rec709_display', 'lin_rec709_display'] as co
 /** What `meta` says of a scene, with y up. */
 export type Meta = Pick<
     SceneInfo,
-    'near' | 'filter' | 'background' | 'colourSpace' | 'worldFromData' | 'cameras' | 'provenance'
+    'near' | 'filter' | 'background' | 'colourSpace' | 'worldFromData' | 'cameras' | 'home' | 'bounds' | 'provenance'
 >;
 
 /** Reads the object `meta` (`gltf.md`, section 8). */
@@ -18,15 +18,28 @@ export function readMeta(value: unknown): Meta {
     const capture = similarityOf(meta.captureFromLocal, 'captureFromLocal');
     const { worldFromCapture } = meta;
     const world = worldFromCapture === undefined ? capture : product(similarityOf(worldFromCapture, 'worldFromCapture'), capture);
+    const cameras = listOf(meta.cameras, 'cameras').map(readCamera);
+    const home = meta.home === undefined ? null : wholeOf(meta.home, 'home');
+    check(home === null || home < cameras.length, 'home', home, 'the index of a camera');
     return {
         near: Math.fround(numberOf(meta.near, 'near', 0, F32_MAX)),
         background: numbersOf(meta.background, 'background', 3, 0, 1).map(Math.fround) as [number, number, number],
         filter: choiceOf(meta.filter, 'filter', ['none', 'ewa']),
         colourSpace: choiceOf(meta.colourSpace, 'colourSpace', COLOUR_SPACES),
         worldFromData: flipped(world),
-        cameras: listOf(meta.cameras, 'cameras').map(readCamera),
+        cameras,
+        home,
+        bounds: meta.bounds === undefined ? null : readBounds(meta.bounds),
         provenance: readProvenance(meta.provenance),
     };
+}
+
+/** A box of the local frame, after half a turn about x. */
+function readBounds(value: unknown): NonNullable<SceneInfo['bounds']> {
+    const bounds = objectOf(value, 'bounds');
+    const [low, high] = [bounds.min, bounds.max].map((corner) => numbersOf(corner, 'bounds', 3));
+    check(low.every((v, i) => v <= high[i]), 'bounds', [low, high], 'min up to max');
+    return { min: [low[0], -high[1], -high[2]], max: [high[0], -low[1], -low[2]] };
 }
 
 /** A camera; `camera_from_data` is `camera_from_local` after half a turn about x (section 4). */

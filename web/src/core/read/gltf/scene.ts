@@ -76,6 +76,8 @@ function foreignMeta(colourSpace: SceneInfo['colourSpace'], copyright: unknown, 
         colourSpace,
         worldFromData: IDENTITY,
         cameras: [],
+        home: null,
+        bounds: null,
         provenance: {
             title: '',
             author: '',

@@ -1,0 +1,27 @@
+import { expect, test } from 'vitest';
+import { readMeta } from '../../src/core/read/meta';
+import { homeCamera } from '../../src/viewer/pose';
+import { sceneBounds } from '../../src/viewer/bounds';
+import { file } from './scenes';
+import { readScene } from '../../src/core/read';
+
+const CAMERA = { name: 'a', widthPx: 4, heightPx: 3, focalPx: [3, 3], principalPx: [2, 1.5], rotationRows: [[1, 0, 0], [0, 1, 0], [0, 0, 1]], translation: [0, 0, 0] };
+const META = {
+    near: 0.25, filter: 'ewa', background: [0, 0, 0], colourSpace: 'srgb_rec709_display', captureFromLocal: { scale: 1, rotation: [1, 0, 0, 0], translation: [0, 0, 0] },
+    provenance: { title: '', author: '', licence: '', source: '', programVersion: '', training: {} }, cameras: [{ ...CAMERA, heldOut: true }, CAMERA, { ...CAMERA, name: 'b' }],
+};
+
+test('bounds of the local frame are turned to have y up', () => {
+    const { bounds } = readMeta({ ...META, bounds: { min: [-1, -2, 3], max: [4, 5, 6] } });
+    expect(bounds).toEqual({ min: [-1, -5, -6], max: [4, 2, -3] });
+    expect(sceneBounds({ bounds }, () => { throw new Error('not needed'); }).centre).toEqual([1.5, -1.5, -4.5]);
+    expect(readMeta(META).bounds).toBeNull();
+    expect(() => readMeta({ ...META, bounds: { min: [1, 0, 0], max: [0, 0, 0] } })).toThrow(/min up to max/);
+});
+
+test('the home view is the one named, else the first of the training', async () => {
+    const info = await readScene(file('samples/conformance/balanced.ltgs'));
+    const of = (meta: object) => homeCamera({ ...info, ...readMeta({ ...META, ...meta }) })?.name;
+    expect([of({ home: 2 }), of({}), of({ cameras: [] })]).toEqual(['b', 'a', undefined]);
+    expect(() => readMeta({ ...META, home: 3 })).toThrow(/the index of a camera/);
+});
