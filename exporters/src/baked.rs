@@ -29,7 +29,11 @@ pub struct Baker<'a> {
 impl<'a> Baker<'a> {
     /// A baker for the splats of an asset.
     pub fn new(asset: &'a SplatAsset) -> Self {
-        let frame = asset.world_from_local();
+        Self::in_frame(asset, asset.world_from_local())
+    }
+
+    /// A baker into another frame.
+    pub fn in_frame(asset: &'a SplatAsset, frame: Transform) -> Self {
         Self { asset, frame, turn: (!frame.is_upright()).then(|| Turn::new(frame.rotation)) }
     }
 

@@ -25,6 +25,8 @@ pub struct WriteOptions<'a> {
     pub per_splat: ltgs::PerSplat<'a>,
     /// Cameras that glTF and USD files hold for other programs.
     pub cameras: Cameras,
+    /// The axis of PLY files that points up.
+    pub ply_up: ply::PlyUp,
     /// How to write SPZ.
     pub spz: spz::SpzOptions,
 }
@@ -88,7 +90,11 @@ fn encode(format: Format, path: &Path, asset: &SplatAsset, options: &WriteOption
         Format::Ply => {
             // The viewer of 3DGS reads no other degrees than 0 and 3.
             let sh_degree = if asset.sh_degree == 0 { 0 } else { 3 };
-            let ply_options = ply::PlyOptions { sh_degree: Some(sh_degree), ..ply::PlyOptions::default() };
+            let ply_options = ply::PlyOptions {
+                sh_degree: Some(sh_degree),
+                up: options.ply_up,
+                ..ply::PlyOptions::default()
+            };
             let (bytes, summary) = ply::encode_ply(asset, &ply_options).map_err(|e| e.at(path))?;
             encoded.root = bytes;
             encoded.notes.extend(far_out(summary.position_error_texels));

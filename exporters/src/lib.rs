@@ -10,6 +10,7 @@ mod atlas;
 mod baked;
 mod contents;
 mod degrees;
+mod depth_order;
 mod edit;
 mod ellipsoid;
 mod error;

@@ -8,8 +8,12 @@ use serde::{Deserialize, Serialize};
 const SPLATS_MAX: usize = 8192;
 /// Cameras that are looked at: every k-th.
 const CAMERAS_MAX: usize = 64;
-/// Share of the weight that lies below and above the bounds before they are widened. The splats of a backdrop are few.
-const TAIL: f64 = 0.05;
+/// Of the depths of the centres in an image, this quantile is that of what the photo is of.
+const NEAR_SHARE: f64 = 0.25;
+/// What lies more than this many times as deep is behind it: of four captures, the walls and the sky go and the table stays.
+const REACH: f64 = 2.0;
+/// Share of the weight that lies below and above the bounds before they are widened.
+const TAIL: f64 = 0.02;
 /// By this share of their length bounds are widened on each side: an evenly filled box gets all of its length back, and a bit.
 const MARGIN: f64 = 0.1;
 /// Digits of the bounds that files keep.
@@ -36,9 +40,10 @@ pub struct Overview {
 impl Overview {
     /// Looks at a scene.
     ///
-    /// A splat counts in proportion to its opacity and to the number of cameras that see its centre; where none sees any, by
-    /// its opacity. The bounds are the 5 % and 95 % quantiles of each coordinate, widened by a tenth of their distance, but to
-    /// no more than the bounds of all centres. The home view is the training camera that sees most of what training cameras
+    /// A camera sees a splat whose centre is in its image, beyond the near plane and at most twice as deep as the nearest quarter
+    /// of such centres. A splat counts in proportion to its opacity and to the number of cameras that see it; where none sees
+    /// any, by its opacity. The bounds are the 2 % and 98 % quantiles of each coordinate, widened by a tenth of their distance,
+    /// but to no more than the bounds of all centres. The home view is the training camera that sees most of what training cameras
     /// see: the one with the largest sum of the weights in its image, of equals the first. Without training cameras, others serve.
     pub fn of(asset: &SplatAsset) -> Self {
         let is_training = |camera: &&AssetCamera| !camera.held_out;
@@ -50,7 +55,14 @@ impl Overview {
         let splats: Vec<usize> = (0..n).step_by(n.div_ceil(SPLATS_MAX).max(1)).collect();
         let seen: Vec<Vec<bool>> = cameras
             .iter()
-            .map(|(_, camera)| splats.iter().map(|&i| sees(camera, asset.near, asset.positions[i])).collect())
+            .map(|(_, camera)| {
+                let depths: Vec<_> =
+                    splats.iter().map(|&i| depth(camera, asset.near, asset.positions[i])).collect();
+                let mut sorted: Vec<f64> = depths.iter().flatten().copied().collect();
+                sorted.sort_by(f64::total_cmp);
+                let near = sorted.get((NEAR_SHARE * sorted.len() as f64) as usize).copied().unwrap_or(0.0);
+                depths.iter().map(|depth| depth.is_some_and(|z| z <= REACH * near)).collect()
+            })
             .collect();
         let opacity = |i: usize| f64::from(asset.opacities[i]);
         let by_cameras = |k: usize| seen.iter().filter(|by| by[k]).count() as f64;
@@ -72,8 +84,8 @@ impl Overview {
     }
 }
 
-/// Whether the centre of a splat is in front of the near plane and in the image.
-fn sees(camera: &AssetCamera, near: f32, position: [f32; 3]) -> bool {
+/// The depth of a centre that is beyond the near plane and in the image.
+fn depth(camera: &AssetCamera, near: f32, position: [f32; 3]) -> Option<f64> {
     let p = position.map(f64::from);
     let along = |i: usize| {
         let row = camera.rotation_rows[i];
@@ -84,7 +96,9 @@ fn sees(camera: &AssetCamera, near: f32, position: [f32; 3]) -> bool {
         let at = camera.focal_px[i] * along(i) / z + camera.principal_px[i];
         at >= 0.0 && at <= f64::from(size)
     };
-    z >= f64::from(near) && z > 0.0 && inside(0, camera.width_px) && inside(1, camera.height_px)
+    let is_seen =
+        z >= f64::from(near) && z > 0.0 && inside(0, camera.width_px) && inside(1, camera.height_px);
+    is_seen.then_some(z)
 }
 
 fn bounds(asset: &SplatAsset, splats: &[usize], weights: &[f64]) -> Option<Bounds> {
@@ -141,17 +155,17 @@ mod tests {
 
     /// A grid of 11^3 splats in [-1, 1]^3, a backdrop behind it and a floater before the cameras.
     fn scene() -> SplatAsset {
-        let mut asset = fixture(1331 + 20 + 1, 0);
+        let mut asset = fixture(1331 + 200 + 1, 0);
         for (i, p) in asset.positions.iter_mut().enumerate() {
             let at = |k: usize| (k % 11) as f32 / 5.0 - 1.0;
             *p = match i {
                 0..1331 => [at(i), at(i / 11), at(i / 121)],
-                1331..1351 => [at(i) * 40.0, at(i / 11) * 40.0, 80.0],
+                1331..1531 => [at(i) * 40.0, at(i / 11) * 40.0, 80.0],
                 _ => [0.0, 0.0, -300.0],
             };
         }
         asset.opacities.fill(0.9);
-        asset.cameras = vec![camera(5.0, 4.0, false), camera(0.4, 4.0, false), camera(0.0, 4.0, true)];
+        asset.cameras = vec![camera(2.0, 4.0, false), camera(0.4, 4.0, false), camera(0.0, 4.0, true)];
         asset
     }
 

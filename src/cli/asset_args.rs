@@ -1,6 +1,7 @@
 //! Arguments of all commands that write assets.
 
 use super::values::{parse_bytes, parse_decibels};
+use litetex_exporters::ply::PlyUp;
 use litetex_exporters::spz::{SpzOptions, SpzVersion};
 use litetex_exporters::{Cameras, Format, Quality};
 use litetex_gs::verify::RateGoal;
@@ -41,9 +42,9 @@ pub struct AssetArgs {
     /// Drop splats that contribute less than this many pixels in total over the training views
     #[arg(long, value_name = "PIXELS", value_parser = parse_floor, help_heading = "Scene")]
     pub min_contribution: Option<f32>,
-    /// Direction of the capture that points up in the files: x, -x, y, -y, z, -z or X,Y,Z [default: that of an asset, else -y, as in COLMAP's images]
-    #[arg(long, value_name = "DIRECTION", value_parser = parse_direction, allow_hyphen_values = true, help_heading = "Scene")]
-    pub up: Option<UpDirection>,
+    /// Direction of the capture that points up in the files: x, -x, y, -y, z, -z or X,Y,Z [default: that of an asset, else -y, as in COLMAP's images]. For .ply files, which do not say what is up, also the program that shows them: three, spark, babylon, playcanvas, supersplat, or the axis :y, :-y or :z; both as in z:three
+    #[arg(long, value_name = "UP", value_parser = parse_up, allow_hyphen_values = true, help_heading = "Scene")]
+    pub up: Option<Up>,
     /// Length of one unit of the capture in the files: 0.01 turns centimetres into metres [default: that of an asset, else 1]
     #[arg(long, value_name = "FACTOR", value_parser = parse_factor, help_heading = "Scene")]
     pub scale: Option<f64>,
@@ -98,9 +99,23 @@ pub struct CropBox {
     pub high: [f64; 3],
 }
 
-/// A direction in the capture's frame, of any length.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct UpDirection(pub [f64; 3]);
+/// What is up in files.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Up {
+    /// The direction in the capture's frame, of any length.
+    pub in_capture: Option<[f64; 3]>,
+    /// The axis of `.ply` files.
+    pub ply: PlyUp,
+}
+
+/// Programs that show `.ply` files, and the axis that points up in them, by runs of each: see `docs/viewers.md`.
+const PROGRAMS: [(&str, PlyUp); 5] = [
+    ("three", PlyUp::Y),
+    ("spark", PlyUp::Y),
+    ("babylon", PlyUp::MinusY),
+    ("playcanvas", PlyUp::Y),
+    ("supersplat", PlyUp::MinusY),
+];
 
 impl AssetArgs {
     /// The goal of the steps of a file in this format; `None` if it has no steps. Bounds of size and loss are only for `.ltgs`
@@ -151,7 +166,25 @@ fn parse_box(text: &str) -> Result<CropBox, String> {
     Ok(CropBox { low: pick(f64::min), high: pick(f64::max) })
 }
 
-fn parse_direction(text: &str) -> Result<UpDirection, String> {
+fn parse_up(text: &str) -> Result<Up, String> {
+    let of_file = |name: &str| {
+        let program = PROGRAMS.iter().find(|(program, _)| *program == name).map(|(_, up)| *up);
+        program.or_else(|| PlyUp::ALL.into_iter().find(|up| up.name() == name))
+    };
+    if let Some((_, ply)) = PROGRAMS.iter().find(|(program, _)| *program == text) {
+        return Ok(Up { in_capture: None, ply: *ply });
+    }
+    let (direction, file) = text.split_once(':').map_or((text, None), |(d, f)| (d, Some(f)));
+    let in_capture =
+        if direction.is_empty() && file.is_some() { None } else { Some(parse_direction(direction)?) };
+    let ply = file.map(|name| {
+        let programs = PROGRAMS.map(|(program, _)| program).join(", ");
+        of_file(name).ok_or_else(|| format!("{name:?}: expected y, -y, z or a program: {programs}"))
+    });
+    Ok(Up { in_capture, ply: ply.transpose()?.unwrap_or_default() })
+}
+
+fn parse_direction(text: &str) -> Result<[f64; 3], String> {
     let (sign, axis) = text.strip_prefix('-').map_or((1.0, text), |rest| (-1.0, rest));
     let direction = match axis {
         "x" => Some([sign, 0.0, 0.0]),
@@ -160,7 +193,10 @@ fn parse_direction(text: &str) -> Result<UpDirection, String> {
         // Neither underflow nor overflow in the squared length.
         _ => numbers(text).filter(|v| v.iter().map(|v| v * v).sum::<f64>().is_normal()),
     };
-    direction.map(UpDirection).ok_or_else(|| format!("{text:?}: expected x, -x, y, -y, z, -z or X,Y,Z"))
+    direction.ok_or_else(|| {
+        let programs = PROGRAMS.map(|(program, _)| program).join(", ");
+        format!("{text:?}: expected x, -x, y, -y, z, -z, X,Y,Z or a program: {programs}")
+    })
 }
 
 fn parse_floor(text: &str) -> Result<f32, String> {
@@ -181,8 +217,14 @@ mod tests {
     fn boxes_directions_and_factors_are_parsed() {
         let found = parse_box("0,5,-2:1,-5.5,3").unwrap();
         assert_eq!((found.low, found.high), ([0.0, -5.5, -2.0], [1.0, 5.0, 3.0]));
-        assert_eq!(parse_direction("-z").unwrap().0, [0.0, 0.0, -1.0]);
-        assert_eq!(parse_direction("-1,0,2").unwrap().0, [-1.0, 0.0, 2.0]);
+        assert_eq!(parse_direction("-z").unwrap(), [0.0, 0.0, -1.0]);
+        assert_eq!(parse_direction("-1,0,2").unwrap(), [-1.0, 0.0, 2.0]);
+        let up = |text| parse_up(text).map(|up| (up.in_capture, up.ply));
+        assert_eq!(up("three"), Ok((None, PlyUp::Y)));
+        assert_eq!(up("-z:supersplat"), Ok((Some([0.0, 0.0, -1.0]), PlyUp::MinusY)));
+        assert_eq!(up("1,2,3:z"), Ok((Some([1.0, 2.0, 3.0]), PlyUp::Z)));
+        assert_eq!((up(":y"), up("y")), (Ok((None, PlyUp::Y)), Ok((Some([0.0, 1.0, 0.0]), PlyUp::MinusY))));
+        assert!(up(":x").is_err() && up("three:y").is_err() && up("threee").unwrap_err().contains("spark"));
         for wrong in ["", "1,2,3", "1,2:3,4", "0,0,nan:1,1,1"] {
             assert!(parse_box(wrong).is_err(), "{wrong}");
         }

@@ -1,6 +1,6 @@
 //! `litetex export` and `litetex convert`: assets from runs and from each other.
 
-use super::asset_args::{AssetArgs, CropBox, UpDirection};
+use super::asset_args::{AssetArgs, CropBox};
 use super::capture::Capture;
 use super::devices;
 use super::interrupt::Interrupt;
@@ -184,7 +184,7 @@ fn edit(scene: &mut BakedScene, args: &AssetArgs, go_on: GoOn<'_>, log: &Log) ->
         };
         return Err(Error::Usage(format!("{}: {why}", scene.path.display())));
     }
-    if let Some(UpDirection(up)) = args.up {
+    if let Some(up) = args.up.and_then(|up| up.in_capture) {
         asset.set_up(up);
     }
     if let Some(factor) = args.scale {
@@ -327,6 +327,7 @@ fn write_one(
         steps,
         per_splat: rounding.per_splat(),
         cameras: args.cameras(),
+        ply_up: args.up.unwrap_or_default().ply,
         spz,
     };
     let staged = stage_asset(path, rounding.adapted.as_ref().unwrap_or(asset), &options)?;

@@ -2,10 +2,10 @@
 //! of 8-bit RGBA. A preview: colours do not depend on the view, viewers blend in linear light, and few sort.
 
 use super::buffer::{Arrays, Use};
-use super::depth_order::far_to_near;
 use super::document::{Buffer, Document, Image, MIME_PNG, Mesh, Primitive, Scene, TARGET_INDICES, Texture};
 use super::{UNLIT, container, write};
 use crate::atlas::PAGE_SIDE;
+use crate::depth_order::places_far_to_near;
 use crate::quads::{self, QUADS_MAX, Quad, Quads};
 use crate::{Error, Result, SplatAsset};
 use std::collections::BTreeMap;
@@ -77,13 +77,8 @@ pub fn encode_mesh(asset: &SplatAsset, options: &MeshOptions) -> Result<(Vec<u8>
 /// Adds the quads of a page as a primitive. Viewers draw triangles in the order of the indices.
 fn push_quads(arrays: &mut Arrays, asset: &SplatAsset, quads: &[&Quad], material: u32) -> Primitive {
     let points: Vec<[f32; 3]> = quads.iter().flat_map(|quad| quad.corners).collect();
-    // Quads are in the order of their splats.
-    let mut order: Vec<usize> = quads.iter().map(|quad| quad.splat as usize).collect();
-    far_to_near(asset, &mut order);
-    let indices = order.into_iter().flat_map(|splat| {
-        let first = 4 * quads.partition_point(|quad| (quad.splat as usize) < splat) as u32;
-        [0, 1, 2, 0, 2, 3].map(|k| [first + k])
-    });
+    let places = places_far_to_near(asset, quads).into_iter();
+    let indices = places.flat_map(|place| [0, 1, 2, 0, 2, 3].map(|k| [4 * place as u32 + k]));
     let mut attributes = BTreeMap::new();
     attributes.insert("POSITION".to_owned(), arrays.push_positions(points.iter().copied()));
     let coordinates = quads.iter().flat_map(|quad| quad.uvs);

@@ -10,7 +10,6 @@ mod buffer;
 mod cameras;
 mod colour;
 mod container;
-mod depth_order;
 mod document;
 mod extension;
 mod files;

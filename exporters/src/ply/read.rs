@@ -1,10 +1,10 @@
 //! Reads PLY files of splats by any program: properties in any order, unknown ones ignored, normals and higher SH optional,
 //! two or three scales.
 
-use super::COMMENT_OURS;
 use super::escape::unescaped;
 use super::header::Element;
 use super::rows::Rows;
+use super::{COMMENT_OURS, PlyUp};
 use crate::ellipsoid::{is_thick, thinnest_last};
 use crate::file::read_file;
 use crate::limits::{room_for_splats, splat_bytes};
@@ -141,7 +141,7 @@ fn push_splat(contents: &mut PlyContents, columns: &Columns, values: &[f64], pat
 
 /// Takes the provenance that our writer leaves in comments.
 fn take_provenance(contents: &mut PlyContents) {
-    let mut world = None;
+    let (mut world, mut up) = (None, None);
     let is_ours = contents.comments.iter().any(|c| c.starts_with(COMMENT_OURS));
     let plain = |text: &str| if is_ours { unescaped(text) } else { text.to_owned() };
     let facts = &mut contents.asset.provenance;
@@ -151,6 +151,7 @@ fn take_provenance(contents: &mut PlyContents) {
         };
         match name {
             "world_from_capture" => world = super::world_from_comment(text),
+            "up" => up = PlyUp::ALL.into_iter().find(|up| up.name() == text),
             "title" => facts.title = plain(text),
             "author" => facts.author = plain(text),
             "licence" => facts.licence = plain(text),
@@ -166,9 +167,11 @@ fn take_provenance(contents: &mut PlyContents) {
             _ => {}
         }
     }
-    if let Some(world) = world {
-        // Splats lie in the world.
+    let up = up.filter(|_| is_ours).unwrap_or_default();
+    if world.is_some() || up != PlyUp::default() {
+        // Splats lie in the world, and in files with another axis up in one turned from it.
+        let world = world.unwrap_or_default();
         contents.asset.world_from_capture = world;
-        contents.asset.capture_from_local = world.inverse();
+        contents.asset.capture_from_local = up.turn().after(&world).inverse();
     }
 }

@@ -3,7 +3,7 @@
 use super::*;
 use crate::asset::tests::fixture;
 use crate::sh::SH_0;
-use crate::{Error, ReadLimits, SplatAsset};
+use crate::{Error, ReadLimits, SplatAsset, Transform};
 use std::path::Path;
 
 const PATH: &str = "test.ply";
@@ -13,7 +13,7 @@ fn decode(bytes: &[u8]) -> crate::Result<PlyContents> {
 }
 
 fn options(flavour: PlyFlavour) -> PlyOptions {
-    PlyOptions { flavour, sh_degree: None }
+    PlyOptions { flavour, ..PlyOptions::default() }
 }
 
 /// Largest relative difference between the baked asset, converted by hand, and what was read.
@@ -43,6 +43,40 @@ fn largest_difference(asset: &SplatAsset, read: &SplatAsset) -> f64 {
         compare(f64::from(asset.opacities[i]), read.opacities[i], 1.0);
     }
     worst
+}
+
+#[test]
+fn another_axis_points_up_in_the_file_and_the_scene_is_the_same() {
+    let mut asset = fixture(20, 2);
+    for world in [None, Some([0.3, -0.8, 0.2])] {
+        if let Some(up) = world {
+            asset.set_up(up);
+        }
+        let in_capture = asset.untextured().in_frame(&Transform::IDENTITY);
+        for up in PlyUp::ALL {
+            let (bytes, _) = encode_ply(&asset, &PlyOptions { up, ..PlyOptions::default() }).unwrap();
+            let read = decode(&bytes).unwrap().asset;
+            assert_eq!(read.world_from_capture, asset.world_from_capture);
+            // One unit along the axis that is up in the file is one along that of the frame with y down.
+            let world_from_file = asset.world_from_capture.after(&read.capture_from_local);
+            let axis = match up {
+                PlyUp::MinusY => [0.0, -1.0, 0.0],
+                PlyUp::Y => [0.0, 1.0, 0.0],
+                PlyUp::Z => [0.0, 0.0, 1.0],
+            };
+            let found = world_from_file.transform_point(axis);
+            assert!((0..3).all(|i| (found[i] - [0.0, -1.0, 0.0][i]).abs() < 1e-12), "{up:?} {found:?}"); // needed 3e-16
+            let back = read.in_frame(&Transform::IDENTITY);
+            for i in 0..20 {
+                let apart =
+                    |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+                assert!(apart(&back.positions[i], &in_capture.positions[i]) < 1e-4, "{up:?}"); // needed 2e-6
+                assert!(apart(back.sh_of(i), in_capture.sh_of(i)) < 1e-5, "{up:?}"); // needed 6e-7
+            }
+            // Negative control: the numbers of the file are others.
+            assert_eq!(read.positions[3] != back.positions[3], up != PlyUp::MinusY || world.is_some());
+        }
+    }
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use super::escape::escaped;
 use super::{COMMENT_2DGS, world_comment};
 use crate::baked::{Baked, Baker};
-use crate::{Error, Result, SplatAsset, num_sh_coefficients, write_atomically};
+use crate::{Error, Result, SplatAsset, Transform, num_sh_coefficients, write_atomically};
 use std::path::Path;
 
 /// The layout of a PLY file.
@@ -16,6 +16,43 @@ pub enum PlyFlavour {
     Surfel,
 }
 
+/// The axis of a file that points up: the format does not say, so that programs show a file as they see fit.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PlyUp {
+    /// As the trainers of 3DGS leave it: y down.
+    #[default]
+    MinusY,
+    /// For programs that show a file as it is in a frame with y up.
+    Y,
+    /// For programs with z up.
+    Z,
+}
+
+impl PlyUp {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::MinusY, Self::Y, Self::Z];
+
+    /// `-y`, `y` or `z`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::MinusY => "-y",
+            Self::Y => "y",
+            Self::Z => "z",
+        }
+    }
+
+    /// From the frame with y down to that of the file: a turn about x.
+    pub(super) fn turn(self) -> Transform {
+        let half = std::f64::consts::FRAC_1_SQRT_2;
+        let rotation = match self {
+            Self::MinusY => return Transform::IDENTITY,
+            Self::Y => [0.0, 1.0, 0.0, 0.0],
+            Self::Z => [half, -half, 0.0, 0.0],
+        };
+        Transform { rotation, ..Transform::IDENTITY }
+    }
+}
+
 /// How to write a PLY file.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PlyOptions {
@@ -24,6 +61,8 @@ pub struct PlyOptions {
     /// SH degree of the file, `None` for that of the asset: higher degrees are left out, missing ones are zero. The
     /// original 3DGS viewer reads degree 3 only.
     pub sh_degree: Option<u32>,
+    /// The axis that points up.
+    pub up: PlyUp,
 }
 
 /// Facts about a file that was written.
@@ -61,9 +100,10 @@ pub fn encode_ply(asset: &SplatAsset, options: &PlyOptions) -> Result<(Vec<u8>, 
     if sh_degree > 3 {
         return Err(Error::invalid("", format!("SH degree {sh_degree} requested, at most 3")));
     }
-    let mut bytes = header(asset, options.flavour, sh_degree).into_bytes();
+    let mut bytes = header(asset, options, sh_degree).into_bytes();
     let mut summary = PlySummary::default();
-    let (mut row, baker) = (Vec::new(), Baker::new(asset));
+    let (mut row, baker) =
+        (Vec::new(), Baker::in_frame(asset, options.up.turn().after(&asset.world_from_local())));
     for splat in 0..asset.num_splats() {
         row.clear();
         let baked = baker.splat(splat);
@@ -79,7 +119,8 @@ pub fn encode_ply(asset: &SplatAsset, options: &PlyOptions) -> Result<(Vec<u8>, 
     Ok((bytes, summary))
 }
 
-fn header(asset: &SplatAsset, flavour: PlyFlavour, sh_degree: u32) -> String {
+fn header(asset: &SplatAsset, options: &PlyOptions, sh_degree: u32) -> String {
+    let PlyOptions { flavour, up, .. } = *options;
     let facts = &asset.provenance;
     let mut lines = vec!["ply".to_owned(), "format binary_little_endian 1.0".to_owned()];
     if flavour == PlyFlavour::Surfel {
@@ -92,12 +133,17 @@ fn header(asset: &SplatAsset, flavour: PlyFlavour, sh_degree: u32) -> String {
     };
     comment("written by", concat!("litetex ", env!("CARGO_PKG_VERSION")).to_owned());
     comment("colours", "texture maps are averaged into f_dc".to_owned());
-    let frame = if asset.world_from_capture.is_identity() {
-        "of the capture, as COLMAP gave it (cameras: x right, y down, z forward; up is usually -y)"
-    } else {
-        "the file's own (up is -y), see world_from_capture"
+    let frame = match (up, asset.world_from_capture.is_identity()) {
+        (PlyUp::MinusY, true) => {
+            "of the capture, as COLMAP gave it (cameras: x right, y down, z forward; up is usually -y)"
+        }
+        (PlyUp::MinusY, false) => "the file's own (up is -y), see world_from_capture",
+        _ => "the file's own, turned about x from one in which up is -y",
     };
     comment("frame", frame.to_owned());
+    if up != PlyUp::default() {
+        comment("up", up.name().to_owned());
+    }
     if !asset.world_from_capture.is_identity() {
         comment("world_from_capture", world_comment(&asset.world_from_capture));
     }

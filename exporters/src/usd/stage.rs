@@ -5,6 +5,7 @@ use super::names::*;
 use super::numbers::{self, floats, ints};
 use super::value::{Form, Numbers, Value};
 use crate::atlas::{Atlas, TexelDecode};
+use crate::depth_order::places_far_to_near;
 use crate::meta::Meta;
 use crate::quads::{Quad, Quads};
 use crate::{Error, Quality, Result, SplatAsset, yup};
@@ -29,10 +30,11 @@ pub(super) fn layer(asset: &SplatAsset, quality: Quality, hash: u64, images: &Im
     textured.children.extend(atlas_material(images));
     let mut variants = vec![textured, variant("splat3d", vec![splat3d(asset)])];
     if let Some(quads) = images.quads {
-        variants.push(variant("mesh", meshes(quads, images.quad_paths)));
+        variants.push(variant("mesh", meshes(asset, quads, images.quad_paths)));
     }
-    scene.variant_set =
-        Some(VariantSet { name: REPRESENTATION.to_owned(), selection: "textured".to_owned(), variants });
+    // Whoever asks for a mesh has programs in mind that show nothing else.
+    let selection = if images.quads.is_some() { "mesh" } else { "textured" }.to_owned();
+    scene.variant_set = Some(VariantSet { name: REPRESENTATION.to_owned(), selection, variants });
     let metadata = vec![
         ("customLayerData".to_owned(), custom_data(asset, quality, hash)?),
         ("defaultPrim".to_owned(), Value::token(SCENE)),
@@ -212,23 +214,26 @@ fn splat3d(asset: &SplatAsset) -> Prim {
 }
 
 /// A mesh and a material for each page of rectangles.
-fn meshes(quads: &Quads, paths: &[String]) -> Vec<Prim> {
+fn meshes(asset: &SplatAsset, quads: &Quads, paths: &[String]) -> Vec<Prim> {
     let mut prims = Vec::new();
     for (page, path) in paths.iter().enumerate() {
         let on_page: Vec<&Quad> = quads.quads.iter().filter(|q| usize::from(q.page) == page).collect();
         let material_name = format!("QuadPage{page}");
-        prims.push(mesh(&format!("Quads{page}"), &on_page, &material_name));
+        prims.push(mesh(asset, &format!("Quads{page}"), &on_page, &material_name));
         prims.push(quad_material(&material_name, path));
     }
     prims
 }
 
-fn mesh(name: &str, quads: &[&Quad], material: &str) -> Prim {
+/// A mesh whose faces are listed from far to near, for programs that do not sort them.
+fn mesh(asset: &SplatAsset, name: &str, quads: &[&Quad], material: &str) -> Prim {
     let mut mesh = Prim::def("Mesh", name);
     mesh.apply(&["MaterialBindingAPI"]);
     let points: Vec<[f32; 3]> = quads.iter().flat_map(|q| q.corners).collect();
     // Texture coordinates of USD begin at the lower left.
     let uvs = quads.iter().flat_map(|q| q.uvs).flat_map(|[u, v]| [u, 1.0 - v]).collect();
+    let faces = places_far_to_near(asset, quads);
+    let faces = faces.into_iter().flat_map(|place| [0, 1, 2, 3].map(|k| 4 * place as i32 + k)).collect();
     let limit = |pick: fn(f32, f32) -> f32| {
         let first = points.first().copied().unwrap_or_default();
         points.iter().fold(first, |a, b| std::array::from_fn(|i| pick(a[i], b[i])))
@@ -238,7 +243,7 @@ fn mesh(name: &str, quads: &[&Quad], material: &str) -> Prim {
         Property::uniform("bool", "doubleSided", Value::Bool(true)),
         Property::new("float3[]", EXTENT, floats(Form::Vec3, extent)),
         Property::new("int[]", "faceVertexCounts", ints(Form::One, vec![4; quads.len()])),
-        Property::new("int[]", "faceVertexIndices", ints(Form::One, (0..4 * quads.len() as i32).collect())),
+        Property::new("int[]", "faceVertexIndices", ints(Form::One, faces)),
         Property::new("point3f[]", "points", floats(Form::Vec3, points.as_flattened().to_vec())),
         Property::new("texCoord2f[]", "primvars:st", floats(Form::Vec2, uvs)).interpolated("vertex"),
         Property::uniform("token", "subdivisionScheme", Value::token("none")),

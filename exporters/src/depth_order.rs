@@ -1,10 +1,11 @@
 //! An order of splats for viewers that do not sort: far to near, as the cameras of the capture see them on average.
 
+use crate::quads::Quad;
 use crate::{AssetCamera, SplatAsset};
 
 /// Sorts splats (indices) by their mean depth over the training cameras, the farthest first. Cameras that have a splat in
 /// their image count, all of them for a splat that none has. Without cameras, the order stays.
-pub fn far_to_near(asset: &SplatAsset, splats: &mut [usize]) {
+fn far_to_near(asset: &SplatAsset, splats: &mut [usize]) {
     let cameras: Vec<&AssetCamera> = asset.cameras.iter().filter(|camera| !camera.held_out).collect();
     let mean_depth = |&splat: &usize| {
         let points = cameras.iter().map(|camera| seen(camera, asset.positions[splat]));
@@ -21,6 +22,14 @@ pub fn far_to_near(asset: &SplatAsset, splats: &mut [usize]) {
     let mut by_depth: Vec<(f64, usize)> = splats.iter().map(|splat| (mean_depth(splat), *splat)).collect();
     by_depth.sort_by(|a, b| b.0.total_cmp(&a.0));
     splats.iter_mut().zip(by_depth).for_each(|(splat, (_, sorted))| *splat = sorted);
+}
+
+/// Places in a list of quads, which is in the order of their splats, sorted as [`far_to_near`] sorts the splats.
+pub fn places_far_to_near(asset: &SplatAsset, quads: &[&Quad]) -> Vec<usize> {
+    let mut order: Vec<usize> = quads.iter().map(|quad| quad.splat as usize).collect();
+    far_to_near(asset, &mut order);
+    let place = |splat| quads.partition_point(|quad| (quad.splat as usize) < splat);
+    order.into_iter().map(place).collect()
 }
 
 /// Depth of a point, and whether it is in the camera's image.

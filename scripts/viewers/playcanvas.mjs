@@ -1,0 +1,40 @@
+// The engine of PlayCanvas, on WebGL. Option `turn`: half a turn of the loaded splats about x.
+import * as pc from 'playcanvas';
+import { frames, pixels, projection } from '/png.mjs';
+
+export async function render(job) {
+    const { width, height, worldFromCamera } = job.camera;
+    const canvas = document.createElement('canvas');
+    [canvas.width, canvas.height] = [width, height];
+    document.body.append(canvas);
+    const app = new pc.Application(canvas, { graphicsDeviceOptions: { preserveDrawingBuffer: true, antialias: false } });
+    app.setCanvasFillMode(pc.FILLMODE_NONE, width, height);
+    app.setCanvasResolution(pc.RESOLUTION_FIXED, width, height);
+    app.start();
+    const kind = job.options.loader === 'gltf' ? 'container' : 'gsplat';
+    const asset = new pc.Asset('scene', kind, { url: job.url });
+    await new Promise((resolve, reject) => {
+        asset.on('load', resolve);
+        asset.on('error', (error) => reject(new Error(String(error))));
+        app.assets.add(asset);
+        app.assets.load(asset);
+    });
+    let entity;
+    if (kind === 'container') {
+        entity = asset.resource.instantiateRenderEntity();
+    } else {
+        entity = new pc.Entity('splats');
+        entity.addComponent('gsplat', { asset });
+    }
+    if (job.options.turn) entity.setLocalEulerAngles(180, 0, 0);
+    app.root.addChild(entity);
+    const camera = new pc.Entity('camera');
+    camera.addComponent('camera', { clearColor: new pc.Color(0, 0, 0, 1), nearClip: job.camera.near, farClip: 1e4 * job.camera.near });
+    camera.camera.calculateProjection = (matrix) => matrix.set(projection(job.camera));
+    const world = new pc.Mat4().set(worldFromCamera);
+    camera.setPosition(world.getTranslation());
+    camera.setRotation(new pc.Quat().setFromMat4(world));
+    app.root.addChild(camera);
+    await frames(60);
+    return pixels(canvas);
+}
