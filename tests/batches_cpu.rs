@@ -12,7 +12,9 @@ use litetex_gs::backend::{
 use litetex_gs::camera::Camera;
 use litetex_gs::cpu::CpuBackend;
 use litetex_gs::model::{AdamState, LearningRates, Model};
-use litetex_gs::train::{Control, StopReason, TrainConfig, TrainEvent, TrainState, checkpoint, train};
+use litetex_gs::train::{
+    Control, NO_SNAPSHOT, StopReason, TrainConfig, TrainEvent, TrainState, checkpoint, train,
+};
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result};
 use std::collections::BTreeMap;
@@ -235,6 +237,28 @@ fn batches_give_the_same_files_and_events() {
     // Negative control: two views of a batch exchanged.
     let swapped = run(&mut BatchedBackend::new(5, Fault::Swap), &views, start(), 0);
     assert!(swapped.events != single.events && swapped.files()[0] != files[0]);
+}
+
+#[test]
+fn snapshots_come_after_batches_and_may_fail() {
+    let views = photos(&scene());
+    let whole = plain(&views);
+    for (fault, expected) in [(Fault::None, (vec![5], 0)), (Fault::Revision(1), (vec![], 1))] {
+        let (mut taken, mut failed) = (Vec::new(), 0);
+        let mut sink = |event: TrainEvent<'_>| {
+            match event {
+                TrainEvent::Step { step: 2, .. } => return Ok(Control::Snapshot),
+                TrainEvent::Snapshot { step, .. } => taken.push(step),
+                TrainEvent::Warning(warning) => failed += usize::from(warning.code == NO_SNAPSHOT),
+                _ => {}
+            }
+            Ok(Control::Continue)
+        };
+        let mut backend = BatchedBackend::new(5, fault);
+        let (state, _) = train(&settings(), &mut backend, &views, start(), &mut sink).unwrap();
+        assert!(state.model == whole.saved.last().unwrap().model);
+        assert_eq!((taken, failed), expected);
+    }
 }
 
 #[test]

@@ -61,6 +61,16 @@ fn a_file_is_served_as_it_is() {
     assert_eq!((head.status, head.body.len()), (200, 0));
     assert_eq!(head.header("content-length"), answer.header("content-length"));
     assert_eq!(page.data("photo/0").status, 404);
+    // Written again, it is shown again.
+    let other = asset.untextured();
+    write_asset(&path, &other, &WriteOptions { quality: Quality::Lossless, ..WriteOptions::default() })
+        .unwrap();
+    page.wait_for("the new file", |session| session["asset"]["revision"] == 2);
+    assert!(served(&page).hash() == other.hash() && other.hash() != asset.hash());
+    // What is no scene is not.
+    std::fs::write(&path, "LTGS").unwrap();
+    std::thread::sleep(SOON);
+    assert_eq!(page.session()["asset"]["revision"], 2);
 }
 
 #[test]
@@ -258,6 +268,10 @@ fn a_run_is_shown_with_its_photos() {
             "{message}"
         );
     }
+    let checkpoint = Path::new(&run).join("checkpoints/step-000040.safetensors");
+    let page = view(&checkpoint);
+    assert!(page.session()["photos"].is_null() && page.session()["training"].is_null());
+    drop(page);
     let (code, message) = bad(&["view", &run, "--capture", &capture, "--no-open"]);
     assert!(code == 3 && message.contains("capture: no such file"), "{code} {message}");
 }

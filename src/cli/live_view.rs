@@ -15,7 +15,7 @@ use litetex_exporters::html::{SessionAsset, SessionTraining, TrainingState};
 use litetex_exporters::{AssetCamera, Provenance};
 use litetex_gs::bake::{asset_cameras, bake};
 use litetex_gs::model::Model;
-use litetex_gs::train::{StopReason, TrainEvent};
+use litetex_gs::train::{NO_SNAPSHOT, StopReason, TrainEvent};
 use litetex_gs::{Error, Report, Result, atomic_file};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -190,6 +190,8 @@ impl Preview {
                 }
                 return self.jobs.is_some() && self.pace.is_due(self.shown.is_watched(WATCHED_WITHIN));
             }
+            // Asking again would fail again.
+            TrainEvent::Warning(warning) if warning.code == NO_SNAPSHOT => self.jobs = None,
             TrainEvent::Evaluated { step, evaluation, .. } => self.curve.add_psnr(*step, evaluation.psnr),
             TrainEvent::Finished { reason } => {
                 self.training.state = match reason {
@@ -215,7 +217,10 @@ impl Preview {
 
     fn take_outcomes(&mut self, log: &Log) {
         match self.done.try_recv() {
-            Ok(Ok(took)) => self.pace.end(took),
+            Ok(Ok(took)) => {
+                log.detail(&format!("a preview took {:.0} ms", 1e3 * took.as_secs_f64()));
+                self.pace.end(took);
+            }
             Ok(Err(error)) => {
                 log.warn("no-preview", &format!("the page shows no newer previews: {error}"), 1);
                 self.jobs = None;

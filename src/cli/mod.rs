@@ -46,6 +46,7 @@ mod selftest;
 mod sequence;
 mod session;
 mod sources;
+mod stamp;
 mod summary;
 mod table;
 #[cfg(test)]

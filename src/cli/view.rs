@@ -5,10 +5,12 @@ use super::interrupt::Interrupt;
 use super::log::Log;
 use super::run_folder::is_run;
 use super::sources::{load_scene, open_photos};
+use super::stamp::Stamp;
 use super::view_photos::{CapturePhotos, list};
 use super::view_run::RunWatch;
 use super::view_scene::{name_of, served};
 use crate::viewer::{Server, Shown};
+use litetex_gs::verify::BakedScene;
 use litetex_gs::{Error, Result};
 use std::io::{ErrorKind, Write};
 use std::path::PathBuf;
@@ -24,7 +26,8 @@ const LOOK_INTERVAL: Duration = Duration::from_secs(1);
 /// Show a scene in the browser, or follow a run while it trains
 ///
 /// Serves the scene to this machine's browser only, until Ctrl-C, and prints the address, which nobody else should know:
-/// whoever has it may read the scene. Of a run, shows the last checkpoint, or what "litetex train --view" has written since.
+/// whoever has it may read the scene. Of a run, shows the last checkpoint, or what "litetex train --view" has written since;
+/// files that change are shown again.
 #[derive(clap::Args)]
 pub struct ViewArgs {
     /// An asset, a run or a checkpoint; without one, the page asks for a file
@@ -66,30 +69,66 @@ pub fn run(args: &ViewArgs, log: &Log) -> anyhow::Result<()> {
     Err(Error::Interrupted.into())
 }
 
-/// Reads what is to be shown. Runs are watched for changes.
-fn show(args: &ViewArgs, shown: &Arc<Shown>, log: &Log) -> Result<Option<RunWatch>> {
+/// What is looked at again and again.
+enum Watch {
+    Run(Box<RunWatch>),
+    File { shown: Arc<Shown>, stamp: Stamp },
+}
+
+impl Watch {
+    /// Shows what has changed. What cannot be read is reported, and tried again once it changes.
+    fn look(&mut self, log: &Log) {
+        match self {
+            Self::Run(run) => run.look(log),
+            Self::File { shown, stamp } => {
+                let Some(now) = Stamp::of(stamp.path.clone()).filter(|now| now != stamp) else { return };
+                *stamp = now;
+                let shown = load_scene(&stamp.path, log).and_then(|(scene, _)| show_scene(&scene, shown));
+                if let Err(error) = shown {
+                    not_shown(&error, log);
+                }
+            }
+        }
+    }
+}
+
+/// Reads what is to be shown.
+fn show(args: &ViewArgs, shown: &Arc<Shown>, log: &Log) -> Result<Option<Watch>> {
     let Some(source) = &args.source else { return Ok(None) };
     if source.is_dir() && is_run(source) {
-        return RunWatch::start(source, args.capture.as_deref(), Arc::clone(shown), log).map(Some);
+        let run = RunWatch::start(source, args.capture.as_deref(), Arc::clone(shown), log)?;
+        return Ok(Some(Watch::Run(Box::new(run))));
     }
+    // Before it is read: what changes meanwhile is read again.
+    let stamp = Stamp::of(source.clone());
     let (scene, trained) = load_scene(source, log)?;
-    let capture = match open_photos(&scene, trained.as_ref(), args.capture.as_deref(), log) {
+    let capture = match (&trained, args.capture.as_deref()) {
+        (Some(trained), named) => trained.open_capture(named).map(Some),
+        (None, named) => open_photos(&scene, None, named, log),
+    };
+    match capture {
         // What the user named must be there.
         Err(error) if args.capture.is_some() => return Err(error),
-        Err(error) => {
-            no_photos(&error, log);
-            None
-        }
-        Ok(capture) => capture,
-    };
-    offer_photos(capture.map(Arc::new), shown);
-    let (asset, bytes) = served(&scene)?;
+        Err(error) => no_photos(&error, log),
+        Ok(capture) => offer_photos(capture.map(Arc::new), shown),
+    }
+    show_scene(&scene, shown)?;
+    Ok(stamp.map(|stamp| Watch::File { shown: Arc::clone(shown), stamp }))
+}
+
+fn show_scene(scene: &BakedScene, shown: &Shown) -> Result<()> {
+    let (asset, bytes) = served(scene)?;
     let title = match scene.asset.provenance.title.as_str() {
-        "" => name_of(source),
+        "" => name_of(&scene.path),
         title => title.to_owned(),
     };
     shown.set_asset(&title, asset, bytes);
-    Ok(None)
+    Ok(())
+}
+
+/// Says why the page does not follow a change.
+pub fn not_shown(error: &Error, log: &Log) {
+    log.warn("scene-not-shown", &format!("the page keeps the scene before: {error}"), 1);
 }
 
 /// Offers the photos of a capture, if there is one.

@@ -6,30 +6,14 @@ use super::log::Log;
 use super::metrics_tail::MetricsTail;
 use super::run_folder::{PREVIEW, RunLock, find_checkpoint};
 use super::sources::load_scene;
-use super::view::{no_photos, offer_photos};
+use super::stamp::Stamp;
+use super::view::{no_photos, not_shown, offer_photos};
 use super::view_scene::{LTGS, described, name_of, served};
 use crate::viewer::{AssetBytes, Shown};
 use litetex_exporters::html::{SessionAsset, TrainingState};
 use litetex_gs::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::SystemTime;
-
-/// The state of a file that tells whether it was replaced.
-#[derive(Clone, Debug, PartialEq, Eq)]
-struct Stamp {
-    path: PathBuf,
-    changed: SystemTime,
-    bytes: u64,
-}
-
-impl Stamp {
-    /// `None` if there is no such file.
-    fn of(path: PathBuf) -> Option<Self> {
-        let facts = std::fs::metadata(&path).ok().filter(std::fs::Metadata::is_file)?;
-        Some(Self { changed: facts.modified().ok()?, bytes: facts.len(), path })
-    }
-}
 
 /// A run that is shown.
 pub struct RunWatch {
@@ -73,7 +57,7 @@ impl RunWatch {
     pub fn look(&mut self, log: &Log) {
         let is_running = RunLock::is_taken(&self.root);
         if let Err(error) = self.show_scene(is_running, log) {
-            log.warn("scene-not-shown", &format!("the page keeps the scene before: {error}"), 1);
+            not_shown(&error, log);
         }
         self.show_training(is_running);
     }

@@ -16,7 +16,7 @@ pub enum Control {
     /// Go on training.
     Continue,
     /// To an event of a step: emit a [`TrainEvent::Snapshot`] after it, or after the batch that contains it, and go on. To events
-    /// between steps the same as `Continue`.
+    /// between steps the same as `Continue`. A snapshot that fails is a warning, [`super::NO_SNAPSHOT`].
     Snapshot,
     /// Stop after this step, or after the batch that contains it; the trainer emits a last
     /// [`TrainEvent::Checkpoint`].

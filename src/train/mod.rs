@@ -28,7 +28,7 @@ pub use exposure::Exposures;
 pub use give_back::GivenBack;
 pub use limits::check_limits;
 pub use policy::{DensityStep, FirstMap, Policy, PolicySpec, policies};
-pub use run::{Sink, train};
+pub use run::{NO_SNAPSHOT, Sink, train};
 pub use schedule::Schedule;
 pub use stages::{StageSpan, stage_spans};
 pub use state::{CurvePoint, TrainHistory, TrainState};

@@ -28,6 +28,9 @@ use std::time::Instant;
 /// Consumer of a run's events.
 pub type Sink<'a> = &'a mut dyn FnMut(TrainEvent<'_>) -> Result<Control>;
 
+/// Code of the warning that [`Control::Snapshot`] leads to where the device cannot read its model, as for want of memory.
+pub const NO_SNAPSHOT: &str = "no-snapshot";
+
 /// Views decoded ahead; more if a batch is longer.
 const PREFETCH_VIEWS: usize = 4;
 
@@ -447,9 +450,19 @@ impl Trainer<'_> {
     }
 
     fn snapshot(&mut self, sink: Sink<'_>) -> Result<Control> {
-        let began = Instant::now();
-        let model = self.backend.read_flushed()?;
-        sink(TrainEvent::Snapshot { step: self.state.step, model, wall_secs: began.elapsed().as_secs_f64() })
+        let (began, step) = (Instant::now(), self.state.step);
+        match self.backend.read_flushed() {
+            Ok(model) => {
+                let wall_secs = began.elapsed().as_secs_f64();
+                sink(TrainEvent::Snapshot { step, model, wall_secs })
+            }
+            // No reason to end a training: a device that is lost fails in the next step.
+            Err(error) => sink(TrainEvent::Warning(Warning {
+                code: NO_SNAPSHOT.to_owned(),
+                message: format!("step {step}: the model cannot be shown: {error}"),
+                count: 1,
+            })),
+        }
     }
 
     fn evaluate(&mut self, last: bool, sink: Sink<'_>) -> Result<Control> {
