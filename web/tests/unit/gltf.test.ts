@@ -104,15 +104,15 @@ describe('nodes', () => {
     test('a hierarchy of transforms and matrices', async () => {
         const matrix = [0, 0, -2, 0, 0, 2, 0, 0, 2, 0, 0, 0, 1, 2, 3, 1];
         const world = await place((nodes) => {
-            nodes[0] = { mesh: 0, translation: [1, 0, 0], scale: [0.5, 0.5, 0.5] };
-            nodes.push({ children: [0], matrix }, { children: [1], rotation: [0, 1, 0, 0] });
+            const scaled = { mesh: 0, translation: [1, 0, 0], scale: [0.5, 0.5, 0.5] };
+            nodes.splice(0, Infinity, scaled, { children: [0], matrix }, { children: [1], rotation: [0, 1, 0, 0] });
         });
         // x, y, z -> 0.5 x + 1, ... -> 2 z + 1, 2 y + 2, -2 x + 3 -> half a turn about y.
         expect(world.map((v) => Math.round(1e9 * v) / 1e9 + 0)).toEqual([0, 0, 1, 0, 0, 1, 0, 0, -1, 0, 0, 0, -1, 2, -1, 1]);
     });
 
     test('without a node, the metadata tell the place', async () => {
-        const [there, gone] = [await place(() => {}), await place((nodes) => nodes.splice(0))];
+        const [there, gone] = [await place(() => {}), await place((nodes) => nodes.splice(0, Infinity))];
         gone.forEach((v, i) => expect(v).toBeCloseTo(there[i], 9));
     });
 

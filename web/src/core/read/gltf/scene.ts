@@ -33,7 +33,7 @@ export function findScene(document: Document): Found {
     const splatting = (primitive: Json): unknown => memberOf(primitive.extensions, KHR);
     const ofSplats = primitives.filter(({ primitive }) => splatting(primitive) !== undefined);
     const lost = primitives.flatMap(({ primitive }) => lossOf(primitive) ?? []);
-    check(ofSplats.length > 0 || lost.length === 0, 'primitives of splats', lost[0], KHR);
+    check(ofSplats.length > 0 || lost.length === 0, lost[0], 'no splats', `a primitive with ${KHR}`);
     support(ofSplats.length === 1, `primitives with ${KHR}`, ofSplats.length, 1);
     const { mesh, primitive } = ofSplats[0];
     check(primitive.mode === 0, 'mode of splats', primitive.mode, '0 (POINTS)');

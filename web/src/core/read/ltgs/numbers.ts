@@ -24,10 +24,10 @@ export const S = Int32Array.from({ length: 2 * LOG_ODDS_MAX + 1 }, (_, i) => {
 });
 
 /** p at d + 2047: S(d) away from 0 and 1. */
-const P = S.map((s) => Math.min(Math.max(s, LEAST), MOST));
+const P = Int16Array.from(S, (s) => Math.min(Math.max(s, LEAST), MOST));
 
 /** D(z) at floor(z / 8). */
-export const D = new Int32Array(4096);
+export const D = new Int16Array(4096);
 for (let place = 0, i = 0; place < D.length; place += 1) {
     while (i < S.length - 1 && S[i] < 8 * place + 4) i += 1;
     D[place] = i - LOG_ODDS_MAX;
