@@ -27,7 +27,7 @@ export class BrowserTest {
     static async open(path: string, folders: readonly string[] = []): Promise<BrowserTest> {
         const server = await createServer({
             root: WEB, configFile: false, logLevel: 'error', server: { port: 0, host: '127.0.0.1', fs: { allow: [WEB, ...folders] }, hmr: false, watch: null },
-            optimizeDeps: { noDiscovery: true, include: ['fzstd'] },
+            optimizeDeps: { noDiscovery: true },
         });
         await server.listen();
         const url = server.resolvedUrls!.local[0];
