@@ -42,7 +42,7 @@ pub struct AssetArgs {
     /// Drop splats that contribute less than this many pixels in total over the training views
     #[arg(long, value_name = "PIXELS", value_parser = parse_floor, help_heading = "Scene")]
     pub min_contribution: Option<f32>,
-    /// Direction of the capture that points up in the files: x, -x, y, -y, z, -z or X,Y,Z [default: that of an asset, else -y, as in COLMAP's images]. For .ply files, which do not say what is up, also the program that shows them: three, spark, babylon, playcanvas, supersplat, or the axis :y, :-y or :z; both as in z:three
+    /// Direction of the capture that points up in the files: x, -x, y, -y, z, -z or X,Y,Z [default: that of an asset, else -y, as in COLMAP's images]. For .ply files, which do not say what is up, also the program that shows them: three, spark, babylon, playcanvas, splat-transform, or the axis :y, :-y or :z; both as in z:three
     #[arg(long, value_name = "UP", value_parser = parse_up, allow_hyphen_values = true, help_heading = "Scene")]
     pub up: Option<Up>,
     /// Length of one unit of the capture in the files: 0.01 turns centimetres into metres [default: that of an asset, else 1]
@@ -114,7 +114,7 @@ const PROGRAMS: [(&str, PlyUp); 5] = [
     ("spark", PlyUp::Y),
     ("babylon", PlyUp::MinusY),
     ("playcanvas", PlyUp::Y),
-    ("supersplat", PlyUp::MinusY),
+    ("splat-transform", PlyUp::MinusY),
 ];
 
 impl AssetArgs {
@@ -221,7 +221,7 @@ mod tests {
         assert_eq!(parse_direction("-1,0,2").unwrap(), [-1.0, 0.0, 2.0]);
         let up = |text| parse_up(text).map(|up| (up.in_capture, up.ply));
         assert_eq!(up("three"), Ok((None, PlyUp::Y)));
-        assert_eq!(up("-z:supersplat"), Ok((Some([0.0, 0.0, -1.0]), PlyUp::MinusY)));
+        assert_eq!(up("-z:splat-transform"), Ok((Some([0.0, 0.0, -1.0]), PlyUp::MinusY)));
         assert_eq!(up("1,2,3:z"), Ok((Some([1.0, 2.0, 3.0]), PlyUp::Z)));
         assert_eq!((up(":y"), up("y")), (Ok((None, PlyUp::Y)), Ok((Some([0.0, 1.0, 0.0]), PlyUp::MinusY))));
         assert!(up(":x").is_err() && up("three:y").is_err() && up("threee").unwrap_err().contains("spark"));

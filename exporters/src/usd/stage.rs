@@ -30,7 +30,10 @@ pub(super) fn layer(asset: &SplatAsset, quality: Quality, hash: u64, images: &Im
     textured.children.extend(atlas_material(images));
     let mut variants = vec![textured, variant("splat3d", vec![splat3d(asset)])];
     if let Some(quads) = images.quads {
-        variants.push(variant("mesh", meshes(asset, quads, images.quad_paths)));
+        variants.push(variant("mesh", meshes(asset, quads, images.quad_paths.len())));
+        // Outside the variant: three.js does not find materials within one.
+        let material = |(page, path): (usize, &String)| quad_material(&quad_page(page), path);
+        scene.children = images.quad_paths.iter().enumerate().map(material).collect();
     }
     // Whoever asks for a mesh has programs in mind that show nothing else.
     let selection = if images.quads.is_some() { "mesh" } else { "textured" }.to_owned();
@@ -213,16 +216,18 @@ fn splat3d(asset: &SplatAsset) -> Prim {
     prim
 }
 
-/// A mesh and a material for each page of rectangles.
-fn meshes(asset: &SplatAsset, quads: &Quads, paths: &[String]) -> Vec<Prim> {
-    let mut prims = Vec::new();
-    for (page, path) in paths.iter().enumerate() {
+/// Name of the material of a page of rectangles.
+fn quad_page(page: usize) -> String {
+    format!("QuadPage{page}")
+}
+
+/// A mesh for each page of rectangles.
+fn meshes(asset: &SplatAsset, quads: &Quads, num_pages: usize) -> Vec<Prim> {
+    let of_page = |page| {
         let on_page: Vec<&Quad> = quads.quads.iter().filter(|q| usize::from(q.page) == page).collect();
-        let material_name = format!("QuadPage{page}");
-        prims.push(mesh(asset, &format!("Quads{page}"), &on_page, &material_name));
-        prims.push(quad_material(&material_name, path));
-    }
-    prims
+        mesh(asset, &format!("Quads{page}"), &on_page, &quad_page(page))
+    };
+    (0..num_pages).map(of_page).collect()
 }
 
 /// A mesh whose faces are listed from far to near, for programs that do not sort them.
