@@ -32,6 +32,23 @@ pub fn places_far_to_near(asset: &SplatAsset, quads: &[&Quad]) -> Vec<usize> {
     order.into_iter().map(place).collect()
 }
 
+/// Whether at least half of the training cameras stand on the side of a quad that its corners go round counter-clockwise.
+pub fn faces_cameras(asset: &SplatAsset, quad: &Quad) -> bool {
+    let [a, b, _, d] = quad.corners.map(|corner| corner.map(f64::from));
+    let minus = |p: [f64; 3], q: [f64; 3]| [0, 1, 2].map(|i| p[i] - q[i]);
+    let (u, v) = (minus(b, a), minus(d, a));
+    let normal = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+    let sees_front = |camera: &AssetCamera| {
+        let AssetCamera { rotation_rows: rows, translation, .. } = camera;
+        let along = |axis: usize| (0..3).map(|i| rows[i][axis] * translation[i]).sum::<f64>();
+        // Corners have y up, the cameras' frame y down.
+        let centre = [-along(0), along(1), along(2)];
+        minus(centre, a).iter().zip(normal).map(|(x, n)| x * n).sum::<f64>() > 0.0
+    };
+    let training = || asset.cameras.iter().filter(|camera| !camera.held_out);
+    2 * training().filter(|camera| sees_front(camera)).count() >= training().count()
+}
+
 /// Depth of a point, and whether it is in the camera's image.
 fn seen(camera: &AssetCamera, point: [f32; 3]) -> (f64, bool) {
     let along = |axis: usize| {
@@ -50,6 +67,22 @@ fn seen(camera: &AssetCamera, point: [f32; 3]) -> (f64, bool) {
 mod tests {
     use super::*;
     use crate::asset::tests::fixture;
+
+    #[test]
+    fn quads_are_turned_to_the_cameras() {
+        let corners = [[0.0, 0.0, -5.0], [1.0, 0.0, -5.0], [1.0, 1.0, -5.0], [0.0, 1.0, -5.0]];
+        let quad = Quad { splat: 0, page: 0, corners, uvs: [[0.0; 2]; 4] };
+        let rotation_rows = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let front = AssetCamera { rotation_rows, ..AssetCamera::default() };
+        let behind = AssetCamera { translation: [0.0, 0.0, -9.0], ..front.clone() };
+        let with = |cameras: Vec<AssetCamera>| SplatAsset { cameras, ..fixture(4, 0) };
+        // Corners have y up and z backward: the front looks at cameras at the origin.
+        assert!(faces_cameras(&with(vec![front.clone(), front.clone(), behind.clone()]), &quad));
+        assert!(!faces_cameras(&with(vec![front.clone(), behind.clone(), behind.clone()]), &quad));
+        assert!(faces_cameras(&with(Vec::new()), &quad), "no cameras");
+        let turned = Quad { corners: [corners[0], corners[3], corners[2], corners[1]], ..quad };
+        assert!(!faces_cameras(&with(vec![front]), &turned));
+    }
 
     #[test]
     fn splats_are_sorted_by_the_cameras_that_see_them() {

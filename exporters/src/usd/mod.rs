@@ -16,6 +16,7 @@ mod lexer;
 mod names;
 mod numbers;
 mod package;
+mod quad_mesh;
 mod read;
 mod sections;
 mod stage;

@@ -3,11 +3,11 @@
 use super::layer::{Layer, Prim, Property, VariantSet};
 use super::names::*;
 use super::numbers::{self, floats, ints};
+use super::quad_mesh;
 use super::value::{Form, Numbers, Value};
 use crate::atlas::{Atlas, TexelDecode};
-use crate::depth_order::places_far_to_near;
 use crate::meta::Meta;
-use crate::quads::{Quad, Quads};
+use crate::quads::Quads;
 use crate::{Error, Quality, Result, SplatAsset, yup};
 
 /// The images of a stage, by their asset paths.
@@ -30,10 +30,9 @@ pub(super) fn layer(asset: &SplatAsset, quality: Quality, hash: u64, images: &Im
     textured.children.extend(atlas_material(images));
     let mut variants = vec![textured, variant("splat3d", vec![splat3d(asset)])];
     if let Some(quads) = images.quads {
-        variants.push(variant("mesh", meshes(asset, quads, images.quad_paths.len())));
+        variants.push(variant("mesh", quad_mesh::meshes(asset, quads, images.quad_paths.len())));
         // Outside the variant: three.js does not find materials within one.
-        let material = |(page, path): (usize, &String)| quad_material(&quad_page(page), path);
-        scene.children = images.quad_paths.iter().enumerate().map(material).collect();
+        scene.children = quad_mesh::materials(images.quad_paths);
     }
     // Whoever asks for a mesh has programs in mind that show nothing else.
     let selection = if images.quads.is_some() { "mesh" } else { "textured" }.to_owned();
@@ -175,7 +174,7 @@ fn atlas_material(images: &Images) -> Option<Prim> {
 }
 
 /// A material with a black surface.
-fn material(name: &str) -> Prim {
+pub(super) fn material(name: &str) -> Prim {
     let mut material = Prim::def("Material", name);
     let surface = format!("/{SCENE}/{name}/Surface.outputs:surface");
     material.properties.push(Property::connected("token", "outputs:surface", surface));
@@ -192,13 +191,13 @@ fn material(name: &str) -> Prim {
     material
 }
 
-fn shader(name: &str, id: &str) -> Prim {
+pub(super) fn shader(name: &str, id: &str) -> Prim {
     let mut shader = Prim::def("Shader", name);
     shader.properties.push(Property::uniform("token", "info:id", Value::token(id)));
     shader
 }
 
-fn texture(name: &str, path: &str, colour_space: &str) -> Prim {
+pub(super) fn texture(name: &str, path: &str, colour_space: &str) -> Prim {
     let mut shader = shader(name, "UsdUVTexture");
     shader.properties.extend([
         Property::new("asset", "inputs:file", Value::Asset(path.to_owned())),
@@ -214,69 +213,4 @@ fn splat3d(asset: &SplatAsset) -> Prim {
     prim.properties = particles(asset, true);
     prim.properties.push(Property::uniform("token", "sortingModeHint", Value::token("zDepth")));
     prim
-}
-
-/// Name of the material of a page of rectangles.
-fn quad_page(page: usize) -> String {
-    format!("QuadPage{page}")
-}
-
-/// A mesh for each page of rectangles.
-fn meshes(asset: &SplatAsset, quads: &Quads, num_pages: usize) -> Vec<Prim> {
-    let of_page = |page| {
-        let on_page: Vec<&Quad> = quads.quads.iter().filter(|q| usize::from(q.page) == page).collect();
-        mesh(asset, &format!("Quads{page}"), &on_page, &quad_page(page))
-    };
-    (0..num_pages).map(of_page).collect()
-}
-
-/// A mesh whose faces are listed from far to near, for programs that do not sort them.
-fn mesh(asset: &SplatAsset, name: &str, quads: &[&Quad], material: &str) -> Prim {
-    let mut mesh = Prim::def("Mesh", name);
-    mesh.apply(&["MaterialBindingAPI"]);
-    let points: Vec<[f32; 3]> = quads.iter().flat_map(|q| q.corners).collect();
-    // Texture coordinates of USD begin at the lower left.
-    let uvs = quads.iter().flat_map(|q| q.uvs).flat_map(|[u, v]| [u, 1.0 - v]).collect();
-    let faces = places_far_to_near(asset, quads);
-    let faces = faces.into_iter().flat_map(|place| [0, 1, 2, 3].map(|k| 4 * place as i32 + k)).collect();
-    let limit = |pick: fn(f32, f32) -> f32| {
-        let first = points.first().copied().unwrap_or_default();
-        points.iter().fold(first, |a, b| std::array::from_fn(|i| pick(a[i], b[i])))
-    };
-    let extent = [limit(f32::min), limit(f32::max)].concat();
-    mesh.properties = vec![
-        Property::uniform("bool", "doubleSided", Value::Bool(true)),
-        Property::new("float3[]", EXTENT, floats(Form::Vec3, extent)),
-        Property::new("int[]", "faceVertexCounts", ints(Form::One, vec![4; quads.len()])),
-        Property::new("int[]", "faceVertexIndices", ints(Form::One, faces)),
-        Property::new("point3f[]", "points", floats(Form::Vec3, points.as_flattened().to_vec())),
-        Property::new("texCoord2f[]", "primvars:st", floats(Form::Vec2, uvs)).interpolated("vertex"),
-        Property::uniform("token", "subdivisionScheme", Value::token("none")),
-        Property::relationship(BINDING, format!("/{SCENE}/{material}")),
-    ];
-    mesh
-}
-
-fn quad_material(name: &str, path: &str) -> Prim {
-    let mut material = material(name);
-    let output = |shader: &str, output: &str| format!("/{SCENE}/{name}/{shader}.outputs:{output}");
-    for surface in &mut material.children {
-        surface.properties.extend([
-            Property::connected("color3f", "inputs:emissiveColor", output("Texture", "rgb")),
-            Property::connected("float", "inputs:opacity", output("Texture", "a")),
-        ]);
-    }
-    let mut texture = texture("Texture", path, "sRGB");
-    texture.properties.extend([
-        Property::connected("float2", "inputs:st", output("Reader", "result")),
-        Property::declaration("float3", "outputs:rgb"),
-        Property::declaration("float", "outputs:a"),
-    ]);
-    let mut reader = shader("Reader", "UsdPrimvarReader_float2");
-    reader.properties.extend([
-        Property::new("string", "inputs:varname", Value::string("st")),
-        Property::declaration("float2", "outputs:result"),
-    ]);
-    material.children.extend([texture, reader]);
-    material
 }
