@@ -93,9 +93,9 @@ files=$out/files
 export_as() { # export_as QUALITY FILE...
     "$binary" -q export "$out/run" --no-verify --quality "$1" -o "${@:2}" >/dev/null
 }
-export_as lossless "$files/lossless.glb" "$files/lossless.gltf" "$files/scene.usda" "$files/scene.usdc" "$files/scene.usdz"
+export_as lossless "$files/lossless.glb" "$files/lossless.gltf" "$files/scene.usda" "$files/scene.usdc" "$files/scene.usdz" "$files/scene.spz"
 export_as tiny "$files/tiny.glb"
-export_as balanced "$files/balanced.gltf" "$files/scene.ply" "$files/scene.spz"
+export_as balanced "$files/balanced.gltf" "$files/scene.ply"
 "$binary" -q export "$out/run" --no-verify --mesh -o "$files/balanced.glb" >/dev/null
 cp "$files/lossless.glb" "$files/scene.glb"
 "$binary" -q export "$out/run" --no-verify --quality lossless --up=0.3,-0.7,0.5 --scale 0.5 \

@@ -17,7 +17,7 @@ import sys
 import zlib
 
 import numpy as np
-from pxr import Sdf, Usd, UsdUtils
+from pxr import Sdf, Usd, UsdGeom, UsdUtils
 
 FIELDS = ("ParticleField", "ParticleField3DGaussianSplat")
 ARRAYS = ("positions", "orientations", "scales", "opacities", "radiance:sphericalHarmonicsCoefficients")
@@ -94,6 +94,44 @@ def check_arrays(stage, variant, arrays):
             yield f"{attribute}: {len(data)} bytes with a hash other than expected"
 
 
+def check_camera(stage):
+    """Yields differences between the camera of the home view and the metadata."""
+    meta = json.loads(stage.GetRootLayer().customLayerData["litetex"]["meta"])
+    prim = stage.GetPrimAtPath("/Cameras/main_cam")
+    if "home" not in meta:
+        if prim:
+            yield "a main camera, though the metadata have no home view"
+        return
+    if not prim or prim.GetTypeName() != "Camera":
+        yield "no main camera"
+        return
+    camera, photo = UsdGeom.Camera(prim).GetCamera(Usd.TimeCode.Default()), meta["cameras"][meta["home"]]
+    (fx, fy), (cx, cy) = photo["focalPx"], photo["principalPx"]
+    window = [-cx / fx, (cy - photo["heightPx"]) / fy, (photo["widthPx"] - cx) / fx, cy / fy]
+    found = [*camera.frustum.window.min, *camera.frustum.window.max]
+    if np.abs(np.subtract(found, window)).max() > 1e-5:  # f32: needed 1e-7
+        yield f"the main camera sees {found}, expected {window}"
+    # Both frames of the file have y up, and a camera looks along -z in USD.
+    rows, flip = np.array(photo["rotationRows"]), np.array([1, -1, -1])
+    scene = np.array(UsdGeom.Xformable(stage.GetDefaultPrim()).GetLocalTransformation())
+    centre = np.append(flip * -(rows.T @ photo["translation"]), 1) @ scene
+    ahead = np.append(flip * rows[2], 0) @ scene
+    world = np.array(camera.transform)
+    unit = np.linalg.norm(ahead)
+    if np.abs(world[3] - centre).max() > 1e-6 * unit:  # nine digits: needed 1e-8
+        yield f"the main camera stands at {world[3]}, expected {centre}"
+    if np.abs(-world[2] - ahead / unit).max() > 1e-6:
+        yield f"the main camera looks along {-world[2]}, expected {ahead / unit}"
+
+
+def opened(path):
+    """The stage with the textured splats shown."""
+    stage = Usd.Stage.Open(path)
+    stage.SetEditTarget(stage.GetSessionLayer())
+    stage.GetDefaultPrim().GetVariantSet("representation").SetVariantSelection("textured")
+    return stage
+
+
 def check_file(path, expected):
     """Yields all problems of a file."""
     stage = Usd.Stage.Open(path)
@@ -104,6 +142,7 @@ def check_file(path, expected):
     _, _, unresolved = UsdUtils.ComputeAllDependencies(path)
     if unresolved:
         yield f"unresolved {unresolved}"
+    yield from check_camera(stage)
     representation = scene.GetVariantSet("representation")
     expected_variant = "mesh" if "mesh" in representation.GetVariantNames() else "textured"
     if representation.GetVariantSelection() != expected_variant:
@@ -162,16 +201,20 @@ def controls(path):
         "unknown schema": lambda p: edit_schemas(p, None, "ParticleFieldColourAPI"),
     }
     for name, breach in breaches.items():
-        stage = Usd.Stage.Open(path)
-        stage.SetEditTarget(stage.GetSessionLayer())
+        stage = opened(path)
         prim = stage.GetPrimAtPath("/Scene/Splats")
         assert not list(check_field(prim)), f"{path} must be valid"
         breach(prim)
         if not list(check_field(stage.GetPrimAtPath("/Scene/Splats"))):
             yield path, f"negative control \"{name}\" was not caught"
         stage.GetSessionLayer().Clear()
-    if not list(check_arrays(Usd.Stage.Open(path), "textured", {"textured/positions": 1})):
+    if not list(check_arrays(opened(path), "textured", {"textured/positions": 1})):
         yield path, "negative control \"hash\" was not caught"
+    stage = opened(path)
+    if stage.GetPrimAtPath("/Cameras/main_cam"):
+        stage.GetPrimAtPath("/Cameras/main_cam").GetAttribute("horizontalApertureOffset").Set(9.0)
+        if not list(check_camera(stage)):
+            yield path, "negative control \"camera\" was not caught"
 
 
 def main():

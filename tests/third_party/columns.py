@@ -5,6 +5,7 @@ values that the formats' definitions give for the lossless .glb.
     columns.py FILE.glb FROM_PLY.ply FROM_SPZ.ply FILE.spz
 """
 
+import gzip
 import os
 import sys
 
@@ -129,7 +130,7 @@ def opacity_step(logits):
 
 def main():
     path, from_ply, from_spz, spz = sys.argv[1:]
-    with open(spz, "rb") as file:
+    with gzip.open(spz) as file:
         fractional_bits = file.read(14)[13]
     exact = {
         # Rounding of f32, also of logits and logarithms computed in single precision.
@@ -138,7 +139,7 @@ def main():
     }
     coded = {
         "xyz": 0.51 * 2.0**-fractional_bits, "scale": 0.51 / 16, "rot": 5e-3, "opacity": opacity_step,
-        "f_dc": 0.51 / 255 / 0.15, "f_rest_1": 4.01 / 128, "f_rest_2": 8.01 / 128,
+        "f_dc": 0.51 / 255 / 0.15, "f_rest_1": 0.51 / 128, "f_rest_2": 0.51 / 128,
     }
     problems, figures = [], []
     for name, file, tolerances in (("PLY", from_ply, exact), ("SPZ", from_spz, coded)):
