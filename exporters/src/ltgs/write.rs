@@ -22,7 +22,7 @@ pub enum Effort {
     /// For files that are written once and read often.
     #[default]
     Full,
-    /// For files that are read once, on the same machine: compressed in a fraction of the time, by a fifth less.
+    /// For files that are read once, on the same machine: 1 to 2 % larger (measured: 16.7 million texels in 0.75 s instead of 10 s).
     Quick,
 }
 
