@@ -169,7 +169,7 @@ fn open_gpu(name: &str) -> Result<Box<dyn Backend>> {
 /// Opens a GPU by name, for measurements that the trait [`Backend`] does not offer.
 ///
 /// # Errors
-/// As [`open`]; [`litetex_gs::Error::Usage`] for the CPU.
+/// As [`open()`]; [`litetex_gs::Error::Usage`] for the CPU.
 #[cfg(feature = "gpu")]
 pub fn open_gpu_backend(name: &str) -> Result<litetex_gs::gpu::GpuBackend> {
     use litetex_gs::gpu::{GpuBackend, GpuDevice, GpuOptions, LimitChoice, find_adapter};
