@@ -218,6 +218,64 @@ fn every_file_is_listed_with_its_own_size() {
 }
 
 #[test]
+fn spz_files_take_the_version_the_bits_and_the_cameras_asked_for() {
+    let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
+    let at = |name: &str| folder.path().join(name);
+    let export = |name: &str, options: &[&str]| {
+        good(&[&["export", text(run), "-o", text(&at(name)), "--device", "cpu"], options].concat());
+        (json(&["inspect", text(&at(name))]), std::fs::metadata(at(name)).unwrap().len())
+    };
+    let (tiny, tiny_bytes) = export("tiny.spz", &["--quality", "tiny"]);
+    let (balanced, balanced_bytes) = export("balanced.spz", &[]);
+    let (finest, finest_bytes) = export("finest.spz", &["--quality", "lossless"]);
+    assert!(
+        tiny_bytes < balanced_bytes && balanced_bytes < finest_bytes,
+        "{tiny_bytes} {balanced_bytes} {finest_bytes}"
+    );
+    for found in [&tiny, &balanced, &finest] {
+        assert_eq!((&found["format"], &found["cameras"]), (&"SPZ 3".into(), &0.into()));
+        assert!(found["sections"]["metadata"]["bytes"].as_u64().unwrap() < 700, "{found}");
+    }
+    let (newer, _) = export("newer.spz", &["--spz-version", "4", "--cameras", "all"]);
+    assert_eq!((&newer["format"], &newer["cameras"]), (&"SPZ 4".into(), &16.into()));
+    let psnr = |name: &str| {
+        let verdict = json(&["verify", text(&at(name)), "--against", text(run), "--device", "cpu"]);
+        verdict["verdict"]["psnr"].as_f64().unwrap()
+    };
+    let psnrs = ["tiny.spz", "balanced.spz", "finest.spz"].map(psnr);
+    println!("{psnrs:.2?} dB");
+    assert!(psnrs[0] <= psnrs[1] && psnrs[1] <= psnrs[2]);
+    let (code, message) = bad(&["export", text(run), "-o", text(&at("no.spz")), "--spz-version", "2"]);
+    assert!(code == 2 && message.contains("3..=4") && !at("no.spz").exists(), "{message}");
+}
+
+#[test]
+fn a_program_chooses_what_is_up_in_ply_files_alone() {
+    let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
+    let at = |name: &str| folder.path().join(name);
+    for (name, up) in [("a", "three"), ("b", "-y:y"), ("c", "splat-transform")] {
+        let [ply, glb] = ["ply", "glb"].map(|extension| at(&format!("{name}.{extension}")));
+        good(&["export", text(run), "-o", text(&ply), text(&glb), "--up", up, "--device", "cpu"]);
+    }
+    let read = |name: &str| std::fs::read(at(name)).unwrap();
+    assert!(read("a.ply") == read("b.ply") && read("a.ply") != read("c.ply"));
+    assert!(read("a.glb") == read("b.glb") && read("a.glb") == read("c.glb"), "glTF says what is up");
+    // Files made of it are as those made of the run.
+    good(&["convert", text(&at("a.ply")), text(&at("back.ply")), "--no-verify"]);
+    let rows = |name: &str| {
+        let bytes = read(name);
+        let end = b"end_header\n";
+        let header = bytes.windows(end.len()).position(|w| w == end).unwrap() + end.len();
+        let numbers = bytes[header..].chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().unwrap()));
+        numbers.collect::<Vec<_>>()
+    };
+    let largest =
+        |a: &str, b: &str| rows(a).iter().zip(rows(b)).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    assert!(largest("back.ply", "c.ply") < 1e-4, "{}", largest("back.ply", "c.ply")); // f32 twice
+    assert!(largest("a.ply", "c.ply") > 0.1, "negative control");
+}
+
+#[test]
 fn scenes_are_cropped_reoriented_and_titled() {
     let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
     let file = folder.path().join("a.usdz");

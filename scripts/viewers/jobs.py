@@ -24,6 +24,7 @@ ROWS = [
     ("three_core", "three.js r187", "unsorted.mesh.glb", {"loader": "gltf"}, "quads in the order of their splats"),
     ("three_core", "three.js r187", "scene.usdz", {"loader": "usd"}, ""),
     ("three_core", "three.js r187", "mesh.usdz", {"loader": "usd"}, "`--mesh`"),
+    ("three_core", "three.js r187", "mesh.usdz", {"loader": "usd", "material": {"depthWrite": False}}, "`--mesh`, `depthWrite = false`"),
     ("spark", "Spark 2.2.0", "y.ply", {}, "`--up spark`"),
     ("spark", "Spark 2.2.0", "scene.spz", {}, ""),
     ("babylon", "Babylon.js 9.35", "balanced.glb", {"rightHanded": True}, ""),

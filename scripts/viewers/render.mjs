@@ -57,6 +57,7 @@ function serve(jobs) {
         const path = normalize(decodeURIComponent(new URL(request.url, 'http://localhost').pathname));
         const [, kind, index] = path.split('/');
         if (kind === 'job') return response.writeHead(200, { 'Content-Type': 'text/html' }).end(page(jobs[Number(index)]));
+        if (path === '/favicon.ico') return response.writeHead(204).end();
         if (path === '/empty.mjs') return response.writeHead(200, { 'Content-Type': 'text/javascript' }).end('export {};');
         const file = kind === 'files' ? jobs[Number(index)].file : join(HERE, path);
         if (!existsSync(file)) return response.writeHead(404).end();

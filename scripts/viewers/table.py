@@ -50,8 +50,9 @@ def main(out, images):
             image = pixels(path)
             near, turned = psnr(image, ours), psnr(image[::-1, ::-1], ours)
             if image.max() == 0:
-                result = "nothing"
-            elif turned > near + 3:
+                print(f"| {row['program']} | {row['file']} | {row['note']} | nothing | |")
+                continue
+            if turned > near + 3:
                 result = f"upside down ({turned:.1f} dB when turned)"
             else:
                 result = f"{near:.1f} dB"

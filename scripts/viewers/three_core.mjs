@@ -1,4 +1,4 @@
-// three.js without add-ons for splats, on WebGL. Options: `loader` (gltf or usd).
+// three.js without add-ons for splats, on WebGL. Options: `loader` (gltf or usd); `material`, properties to set on all materials.
 import * as THREE from 'three';
 import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
 import { USDLoader } from 'three/addons/loaders/USDLoader.js';
@@ -11,6 +11,7 @@ export async function render(job) {
     renderer.setClearColor(0x000000, 1);
     const scene = new THREE.Scene();
     const loaded = job.options.loader === 'usd' ? await new USDLoader().loadAsync(job.url) : (await new GLTFLoader().loadAsync(job.url)).scene;
+    loaded.traverse((object) => Object.assign(object.material ?? {}, job.options.material));
     scene.add(loaded);
     const camera = new THREE.PerspectiveCamera();
     camera.matrixAutoUpdate = false;
