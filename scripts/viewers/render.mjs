@@ -4,7 +4,8 @@
 //
 // JOBS.json: `[{name, program, file, options, camera}]`. `program` names a module beside this file, `file` what it loads, and
 // `camera` is `{width, height, worldFromCamera, window: {left, right, bottom, top}, near}`: a column-major matrix of a camera that
-// looks along -z with y up, and its image at depth 1. Writes OUT/NAME.png for each job, and OUT/report.json with what failed.
+// looks along -z with y up, and its image at depth 1. Writes OUT/NAME.png for each job, and OUT/report.json with what failed and, for jobs
+// with `times`, milliseconds of so many images.
 
 import { createReadStream, existsSync, mkdirSync, readFileSync, writeFileSync } from 'node:fs';
 import { createServer } from 'node:http';
@@ -45,7 +46,8 @@ const done = (result) => { window.result = result; };
 addEventListener('unhandledrejection', (event) => done({ error: String(event.reason?.stack ?? event.reason) }));
 try {
     const job = ${JSON.stringify(job)};
-    done({ png: await png(await render(job)) });
+    const { ms, figures, ...image } = await render(job);
+    done({ png: await png(image), ms, figures });
 } catch (error) {
     done({ error: String(error?.stack ?? error) });
 }
@@ -59,7 +61,7 @@ function serve(jobs) {
         if (kind === 'job') return response.writeHead(200, { 'Content-Type': 'text/html' }).end(page(jobs[Number(index)]));
         if (path === '/favicon.ico') return response.writeHead(204).end();
         if (path === '/empty.mjs') return response.writeHead(200, { 'Content-Type': 'text/javascript' }).end('export {};');
-        const file = kind === 'files' ? jobs[Number(index)].file : join(HERE, path);
+        const file = kind === 'files' ? jobs[Number(index)].file : kind === 'litetex' ? join(process.env.LITETEX_WEB ?? '', path.slice(8)) : join(HERE, path);
         if (!existsSync(file)) return response.writeHead(404).end();
         response.writeHead(200, { 'Content-Type': TYPES[extname(file)] ?? 'application/octet-stream' });
         return createReadStream(file).pipe(response);
@@ -85,7 +87,7 @@ try {
         const waited = tab.waitForFunction(() => window.result, null, { timeout: TIMEOUT_MS }).then((handle) => handle.jsonValue());
         const result = await waited.catch((error) => ({ error: String(error) }));
         if (result.png) writeFileSync(join(out, `${job.name}.png`), Buffer.from(result.png, 'base64'));
-        report[job.name] = { error: result.error ?? null, said: said.slice(0, 5) };
+        report[job.name] = { error: result.error ?? null, said: said.slice(0, 5), ms: result.ms, figures: result.figures };
         console.log(`${job.name}: ${result.error ?? 'rendered'}${said.length ? ` (${said[0].slice(0, 160)})` : ''}`);
         await tab.close();
     }

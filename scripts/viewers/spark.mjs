@@ -1,7 +1,7 @@
 // Spark, on three.js with WebGL.
 import { SparkRenderer, SplatMesh } from '@sparkjsdev/spark';
 import * as THREE from 'three';
-import { frames, pixels, projection } from '/png.mjs';
+import { frames, pixels, projection, timed, turned } from '/png.mjs';
 
 export async function render(job) {
     const { width, height, worldFromCamera } = job.camera;
@@ -23,5 +23,13 @@ export async function render(job) {
     camera.projectionMatrixInverse.copy(camera.projectionMatrix).invert();
     camera.updateMatrixWorld(true);
     await frames(25, () => renderer.render(scene, camera));
-    return pixels(renderer.domElement);
+    const image = pixels(renderer.domElement);
+    const gl = renderer.getContext();
+    const ms = await timed(job.times ?? 0, (i) => {
+        camera.matrix.fromArray(turned(worldFromCamera, 0.01 * (i % 2)));
+        camera.updateMatrixWorld(true);
+        renderer.render(scene, camera);
+        gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
+    });
+    return { ...image, ms };
 }

@@ -1,6 +1,6 @@
 import { SceneError, type SceneInfo, type SplatUpdate } from './scene';
 import type { Source } from './worker/messages';
-import { startWorker } from './worker/start';
+import { startReading, startWorker } from './worker/start';
 
 export interface Opened {
     /** Resolves when the whole file is there; rejects with SceneError if it cannot be read, with Error otherwise. */
@@ -29,7 +29,7 @@ export function openScene(
             if (message.kind === 'done') resolve();
             if (message.kind === 'done' || message.kind === 'failed') worker?.terminate();
         });
-        worker?.postMessage({ kind: 'read', source, maxSplats }, 'bytes' in source ? [source.bytes] : []);
+        startReading(worker, source, maxSplats);
     });
     return { done, close: () => worker?.terminate() };
 }

@@ -169,7 +169,7 @@ export class LitetexViewerElement extends HTMLElement {
             this.shown = this.src;
             this.failure.textContent = '';
             this.poster.hidden = false;
-            if (this.src) viewer.open({ url: new URL(this.src, document.baseURI).href });
+            if (this.src) viewer.open({ url: this.src });
         }
         viewer.invalidate();
     }

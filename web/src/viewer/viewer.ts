@@ -5,7 +5,7 @@ import { SceneError } from '../core/scene';
 import type { Colours } from '../core/render/colours';
 import { type DrawOptions, SplatRenderer } from '../core/render/renderer';
 import type { View } from '../core/render/view';
-import { startWorker } from '../core/worker/start';
+import { startReading, startWorker } from '../core/worker/start';
 import type { FromWorker, Source } from '../core/worker/messages';
 import { sceneBounds, type Sphere } from './bounds';
 import { Controls } from './controls';
@@ -95,8 +95,7 @@ export class Viewer {
         const take = whole ? this.hold : this.receive;
         const receive = (message: FromWorker) => { if (generation === this.generation) take.call(this, message, keepPose); };
         this.reading = startWorker(receive);
-        const transfer = 'bytes' in source ? [source.bytes] : [];
-        this.reading?.postMessage({ kind: 'read', source, maxSplats: this.maxSplats }, transfer);
+        startReading(this.reading, source, this.maxSplats);
     }
 
     /** Stops reading. */
