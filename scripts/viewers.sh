@@ -23,7 +23,8 @@ if ! cmp -s "$cache/node/package-lock.json" "$cache/node/installed"; then
 fi
 if [ ! -x "$cache/venv/bin/python" ]; then
     python3 -m venv "$cache/venv"
-    "$cache/venv/bin/pip" install -q --disable-pip-version-check $(grep -E '^(numpy|pillow)==' tests/third_party/requirements.txt)
+    grep -E '^(numpy|pillow)==' tests/third_party/requirements.txt >"$cache/requirements.txt"
+    "$cache/venv/bin/pip" install -q --disable-pip-version-check -r "$cache/requirements.txt"
 fi
 python=$cache/venv/bin/python
 export PYTHONDONTWRITEBYTECODE=1
