@@ -141,8 +141,9 @@ fn streamed(asset: &SplatAsset, options: &GltfOptions<'_>, stem: Option<&str>) -
     // The attributes are made from what a reader gets.
     let kept = ltgs::decode(&bytes, Path::new(""), &ReadLimits::default())?.asset;
     let mut writer = Writer { stem, ..Writer::default() };
-    let attributes = attributes::small(&mut writer.arrays, &kept);
+    // First, so that viewers of it can begin before the rest has arrived.
     let stream = Stream { buffer_view: writer.arrays.push_bytes(&bytes), mime_type: MIME_LTGS.to_owned() };
+    let attributes = attributes::small(&mut writer.arrays, &kept);
     let extension = TextureExtension { stream: Some(stream), ..TextureExtension::new(quality, kept.hash()) };
     let primitive = points(&kept, attributes, extension)?;
     Ok(writer.finish(&kept, options.cameras, primitive))

@@ -34,12 +34,19 @@ struct Model<const M: usize> {
     mixers: [Mixer; MIXERS],
     /// Lengths of the two numbers before.
     before: [u32; 2],
+    /// Whether a number did not fit into 32 bits.
+    overflown: bool,
 }
 
 impl<const M: usize> Model<M> {
     fn new() -> Self {
         const { assert!(M <= MODELS_MAX) };
-        Self { bits: std::array::from_fn(|_| Vec::new()), mixers: [Mixer::new(M); MIXERS], before: [0; 2] }
+        Self {
+            bits: std::array::from_fn(|_| Vec::new()),
+            mixers: [Mixer::new(M); MIXERS],
+            before: [0; 2],
+            overflown: false,
+        }
     }
 
     /// Codes a number; the decoder ignores `number` and returns what it found. The first context is filled in here.
@@ -78,6 +85,7 @@ impl<const M: usize> Model<M> {
             found = found << 1 | u64::from(bit);
         }
         self.before = [length, self.before[0]];
+        self.overflown |= found - 1 > u64::from(u32::MAX);
         (found - 1) as u32
     }
 }
@@ -104,6 +112,14 @@ impl AnyModel {
             (Self::Two(model), &[a, ..]) => model.number(coder, number, [0, a]),
             (Self::One(model), _) => model.number(coder, number, [0]),
             _ => 0,
+        }
+    }
+
+    fn is_overflown(&self) -> bool {
+        match self {
+            Self::Three(model) => model.overflown,
+            Self::Two(model) => model.overflown,
+            Self::One(model) => model.overflown,
         }
     }
 }
@@ -157,12 +173,14 @@ impl<'a> NumberReader<'a> {
         self.model.number(&mut self.decoder, 0, contexts)
     }
 
-    /// Checks that the numbers taken need all of the bytes.
+    /// Checks that the numbers taken need all of the bytes, and have 32 bits.
     ///
     /// # Errors
     /// [`Error::Invalid`].
     pub fn finish(self) -> Result<()> {
-        if self.decoder.is_spent() {
+        if self.model.is_overflown() {
+            Err(Error::invalid("", "stream: a number of more than 32 bits: damaged"))
+        } else if self.decoder.is_spent() {
             Ok(())
         } else {
             Err(Error::invalid("", "stream: its numbers need more or fewer bytes than it has: damaged"))
@@ -231,6 +249,9 @@ mod tests {
         changed[100] ^= 1;
         assert_ne!(decode(&changed, numbers.len(), |_| []).ok(), Some(numbers));
         assert!(decode(&[1, 2], 1 << 30, |_| []).is_err());
+        // Every bit is a 1.
+        let overflown = decode(&[0xff; 9], 1, |_| []).unwrap_err();
+        assert!(overflown.to_string().contains("more than 32 bits"), "{overflown}");
     }
 
     #[test]

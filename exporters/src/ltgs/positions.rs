@@ -54,7 +54,7 @@ impl SplatCodes {
         let mut cell = 0_u64;
         let limit = 1_u64 << (3 * (grid.bits - grid.cell_bits));
         for (splat, &exponent) in exponents.iter().enumerate() {
-            let gap = u64::from(high[splat]) << GAP_BITS | u64::from(low[splat]) & ((1 << GAP_BITS) - 1);
+            let gap = (u64::from(high[splat]) << GAP_BITS) + u64::from(low[splat]);
             cell = cell
                 .checked_add(gap)
                 .filter(|&cell| cell < limit)
