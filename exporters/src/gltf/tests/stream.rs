@@ -75,7 +75,7 @@ fn streamed_files_that_contradict_themselves_are_refused() {
         (changed(&|ours| drop(ours.as_object_mut().unwrap().remove("stream"))), "neither", "LT1021"),
         (changed(&|ours| ours["stream"]["mimeType"] = json!("image/png")), MIME_LTGS, "LT1021"),
         (changed(&|ours| ours["stream"]["bufferView"] = json!(99)), "bufferView 99", "LT1021"),
-        (changed(&|ours| ours["stream"]["bufferView"] = json!(0)), "LTGS", "LT3001"),
+        (changed(&|ours| ours["stream"]["bufferView"] = json!(1)), "LTGS", "LT3001"),
         (changed(&|ours| ours["hash"] = json!("0123456789abcdef")), "another hash", "LT1029"),
         (changed(&|ours| ours["quality"] = json!("lossless")), "quality \"lossless\"", "LT1029"),
     ] {
