@@ -151,8 +151,9 @@ fn glb(add: Add<'_>) {
     let mut other_codec = streamed.clone();
     at(&mut other_codec, OURS)["stream"]["mimeType"] = json!("application/zip");
     add("other_codec.glb", Unsupported, join(&other_codec, &with_stream));
-    let last = with_stream.iter().rposition(|&byte| byte != 0).expect("a stream");
-    add("damaged_stream.glb", Invalid, join(&streamed, &put(&with_stream, last, &[0])));
+    // The stream stands first.
+    let last = streamed["bufferViews"][0]["byteLength"].as_u64().expect("bytes") as usize - 1;
+    add("damaged_stream.glb", Invalid, join(&streamed, &put(&with_stream, last, &[with_stream[last] ^ 1])));
     let mut too_few = streamed.clone();
     too_few["accessors"].as_array_mut().expect("accessors").iter_mut().for_each(|a| a["count"] = json!(3));
     add("stream_of_more_splats.glb", Invalid, join(&too_few, &with_stream));

@@ -63,9 +63,9 @@ describe.skipIf(!browserPath())('<litetex-viewer>', () => {
 
     test('says why it shows nothing', async () => {
         const detail = await show<{ message: string }>({ src: `/@fs/${join(REPOSITORY, 'README.md')}` }, 'error', 'return detail');
-        expect(detail.message).toMatch(/supported: \.ltgs and \.glb/);
+        expect(detail.message).toMatch(/expected \.ltgs or \.glb/);
         const missing = await show<{ message: string }>({ src: '/nothing.ltgs' }, 'error', 'return detail');
-        expect(missing.message).toMatch(/nothing\.ltgs|supported/);
+        expect(missing.message).toMatch(/nothing\.ltgs|expected/);
     });
 
     test('moves by mouse and keys only where controls are wanted', async () => {

@@ -134,7 +134,7 @@ describe.skipIf(!browserPath())('three.js', () => {
 
     test.each(['lossless.glb', 'balanced.glb'])('%s as .gltf with other files, beside points', async (file) => {
         const { types, splats, scale } = await run('mixed', url(file));
-        expect(types.sort()).toEqual(['Group', 'Group', 'LitetexSplats', 'Points']);
+        expect(types.sort()).toEqual(['Group', 'Group', 'LitetexSplats', 'PerspectiveCamera', 'Points']);
         expect(splats).toBeGreaterThan(10);
         expect(scale).toBeGreaterThan(0);
     });
