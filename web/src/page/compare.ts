@@ -88,8 +88,8 @@ export class Compare {
 
     private update(): void {
         this.choice?.enable('photo', this.photos.size > 0);
-        const shown = this.mode === 'untextured' || this.showPhoto();
-        this.slider.hidden = !shown;
+        const photo = this.showPhoto();
+        this.slider.hidden = !photo && this.mode !== 'untextured';
         this.slider.style.left = `${100 * this.at}%`;
         this.slider.setAttribute('aria-valuenow', String(Math.round(100 * this.at)));
         byId('left-side').textContent = 'scene';

@@ -201,6 +201,33 @@ describe.skipIf(!browserPath())('page', () => {
         quiet(opened, server.origin);
     });
 
+    test('takes the photo away when something else is compared, or another file is shown', async () => {
+        const photo = await rendered(renderer, join(PACK, 'balanced.ltgs'), 'wide', 400, 300);
+        const server = await driver.serve(LTGS, (s) => s.addPhoto('wide', photo));
+        const opened = await driver.open(server.url);
+        const { page } = opened;
+        await page.click('#tool-compare');
+        const compare = (what: string) => page.click(`label:has-text("${what}")`);
+        const photoShown = () => page.waitForFunction(() => !document.getElementById('photo')!.hidden);
+        await compare('photo of the camera');
+        await photoShown();
+        expect(await text(page, 'right-side')).toBe('photo');
+        await compare('scene without textures');
+        expect(await hidden(page, 'photo')).toBe(true);
+        expect(await hidden(page, 'slider')).toBe(false);
+        expect(await text(page, 'right-side')).toBe('without textures');
+        await compare('photo of the camera');
+        await photoShown();
+        await compare('Nothing');
+        expect([await hidden(page, 'photo'), await hidden(page, 'slider')]).toEqual([true, true]);
+        await compare('photo of the camera');
+        await photoShown();
+        await drop(page, 'mine.glb', GLB);
+        await page.waitForFunction(() => document.getElementById('subtitle')!.textContent!.includes('mine.glb'));
+        expect(await hidden(page, 'photo')).toBe(true);
+        quiet(opened, server.origin);
+    });
+
     test('opens files that are dropped, says why it cannot, and keeps the scene then', async () => {
         const opened = await driver.open(pathToFileURL(join(WEB, '../exporters/page/view.html')).href, { wait: false });
         const { page } = opened;
