@@ -227,6 +227,8 @@ class Page {
     }
 }
 
+// The style sheet says that nothing runs, unless something does.
+document.documentElement.classList.add('running');
 try {
     new Page();
 } catch (error) {

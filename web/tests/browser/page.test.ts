@@ -274,6 +274,31 @@ describe.skipIf(!browserPath())('page', () => {
         await says(damaged.page, 'The scene in this page is damaged.');
     });
 
+    test('says so where nothing runs: in a file that is cut off, or without scripts', async () => {
+        const file = join(folder, 'part.html'), { href } = pathToFileURL(file);
+        const whole = exported(LTGS, 'whole');
+        const unstarted = (page: Page) => page.evaluate(() => {
+            const style = getComputedStyle(document.body, '::before');
+            return style.content !== 'none' && style.visibility === 'visible' && parseFloat(style.height) > 0 ? style.content : '';
+        });
+        const scene = whole.indexOf('id="litetex-asset">'), script = whole.indexOf('<script type="module">');
+        for (const end of [scene + 1000, whole.indexOf('</script>', scene), script, script + 1000]) {
+            writeFileSync(file, whole.slice(0, end));
+            const { page } = await driver.open(href, { wait: false });
+            await page.waitForTimeout(1000);
+            expect(await unstarted(page)).toContain('This page is incomplete');
+            expect(await page.locator('body > *:visible').count()).toBe(0);
+        }
+        writeFileSync(file, whole);
+        const without = await driver.open(href, { wait: false, javaScriptEnabled: false });
+        await without.page.waitForTimeout(1000);
+        expect(await unstarted(without.page)).toContain('scripts are off');
+        const { page, errors } = await driver.open(href);
+        await page.waitForTimeout(1000);
+        expect(await unstarted(page)).toBe('');
+        expect(errors).toEqual([]);
+    });
+
     test('takes files where there is neither a scene nor a program', async () => {
         const server = await driver.serve(LTGS);
         const { page } = await driver.open(server.origin, { wait: false });
