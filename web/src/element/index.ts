@@ -10,13 +10,13 @@
  * | `disable-zoom` | wheel and pinch are left to the page |
  * | `auto-rotate` | turns around the scene until someone takes hold of it |
  * | `rotation-per-second` | degrees; default 12 |
- * | `view` | name of the camera to begin at; default: the first of the training |
+ * | `view` | name of the camera to begin at; default: the home view |
  * | `background` | `#rrggbb`, `transparent`, or `scene` (default): that of the file |
  * | `colours` | `trained` (default), `untextured`, `texels`, `degree`, `depth` |
  * | `max-splats` | shows only so many, those that contribute most |
  * | `loading` | `eager` (default) or `lazy`: once it comes into sight |
  *
- * Events: `load`; `progress` (`detail.bytes`, `detail.totalBytes`); `error` (`detail.message`); `camera-change`.
+ * Events: `load`; `progress` (a ProgressEvent: `loaded` and `total` bytes); `error` (an ErrorEvent: `message`, `error`); `camera-change`.
  * Slots: `poster`, shown until there is an image; the default slot lies over the scene.
  */
 
@@ -39,7 +39,10 @@ progress[hidden] { display: none; }
 
 const ATTRIBUTES = ['src', 'alt', 'camera-controls', 'controls-mode', 'disable-zoom', 'auto-rotate', 'rotation-per-second', 'view', 'background', 'colours', 'max-splats', 'loading'];
 
-export class LitetexViewerElement extends HTMLElement {
+/** Servers that render pages have no HTMLElement; they may import this all the same. */
+const Base: typeof HTMLElement = globalThis.HTMLElement ?? (class {} as unknown as typeof HTMLElement);
+
+export class LitetexViewerElement extends Base {
     static readonly observedAttributes = ATTRIBUTES;
     private viewer: Viewer | null = null;
     private canvas = document.createElement('canvas');
@@ -126,23 +129,24 @@ export class LitetexViewerElement extends HTMLElement {
         return this.viewer ? this.viewer.screenshot() : Promise.reject(new Error('nothing is shown yet'));
     }
 
-    /** Shows the bytes of a file instead of `src`. */
-    show(bytes: ArrayBuffer): void {
+    /** Shows the bytes of a file instead of `src`. An ArrayBuffer is handed over, and empty then. */
+    show(bytes: ArrayBuffer | Uint8Array): void {
         this.begin();
-        this.viewer?.open({ bytes });
+        this.viewer?.open({ bytes: bytes instanceof ArrayBuffer ? bytes : bytes.slice().buffer as ArrayBuffer });
     }
 
     private begin(): void {
         this.sight?.disconnect();
         if (this.viewer) return;
-        const maxSplats = Number(this.getAttribute('max-splats')) || Infinity;
+        const most = Math.floor(Number(this.getAttribute('max-splats')));
+        const maxSplats = most >= 1 ? most : Infinity;
         try {
             this.viewer = new Viewer(this.canvas, {
                 info: () => this.viewer!.pose && this.startView(),
                 progress: (bytes) => this.progressed(bytes),
-                load: () => { this.bar.hidden = true; this.dispatchEvent(new CustomEvent('load')); },
+                load: () => { this.bar.hidden = true; this.dispatchEvent(new Event('load')); },
                 error: (error) => this.failed(error),
-                camera: () => this.dispatchEvent(new CustomEvent('camera-change')),
+                camera: () => this.dispatchEvent(new Event('camera-change')),
             }, maxSplats);
         } catch (error) {
             return this.failed(error as Error);
@@ -169,7 +173,11 @@ export class LitetexViewerElement extends HTMLElement {
             this.shown = this.src;
             this.failure.textContent = '';
             this.poster.hidden = false;
-            if (this.src) viewer.open({ url: this.src });
+            try {
+                if (this.src) viewer.open({ url: this.src });
+            } catch (error) {
+                this.failed(error as Error); // not an address
+            }
         }
         viewer.invalidate();
     }
@@ -185,13 +193,13 @@ export class LitetexViewerElement extends HTMLElement {
         this.bar.hidden = false;
         this.bar.max = totalBytes;
         this.bar.value = bytes;
-        this.dispatchEvent(new CustomEvent('progress', { detail: { bytes, totalBytes } }));
+        this.dispatchEvent(new ProgressEvent('progress', { lengthComputable: true, loaded: bytes, total: totalBytes }));
     }
 
     private failed(error: Error): void {
         this.bar.hidden = true;
         this.failure.textContent = error.message;
-        this.dispatchEvent(new CustomEvent('error', { detail: { message: error.message } }));
+        this.dispatchEvent(new ErrorEvent('error', { message: error.message, error }));
     }
 }
 
@@ -202,7 +210,7 @@ function backgroundOf(text: string): readonly [number, number, number] | null | 
     return digits ? [0, 2, 4].map((at) => parseInt(digits.slice(at, at + 2), 16) / 255) as [number, number, number] : undefined;
 }
 
-if (!customElements.get('litetex-viewer')) customElements.define('litetex-viewer', LitetexViewerElement);
+if (globalThis.customElements && !customElements.get('litetex-viewer')) customElements.define('litetex-viewer', LitetexViewerElement);
 
 declare global {
     interface HTMLElementTagNameMap {

@@ -75,6 +75,7 @@ export class Viewer {
     private ratio = 1;
     private drawnRatio = 1;
     private readonly resize: ResizeObserver;
+    private readonly gone = new AbortController();
 
     constructor(readonly canvas: HTMLCanvasElement, private readonly events: ViewerEvents, private readonly maxSplats = Infinity) {
         this.renderer = new SplatRenderer(canvas, { maxSplats, onOrder: () => this.invalidate() });
@@ -84,7 +85,7 @@ export class Viewer {
         canvas.addEventListener('webglcontextlost', (event) => {
             event.preventDefault();
             this.events.error?.(new Error('the graphics driver has stopped; reload the page'));
-        });
+        }, { signal: this.gone.signal });
         this.invalidate();
     }
 
@@ -141,6 +142,7 @@ export class Viewer {
     }
 
     dispose(): void {
+        this.gone.abort();
         this.close();
         cancelAnimationFrame(this.frame);
         this.resize.disconnect();

@@ -1,7 +1,7 @@
 /** What `npm pack` would publish. */
 
 import { execFileSync } from 'node:child_process';
-import { existsSync, readFileSync } from 'node:fs';
+import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, symlinkSync, writeFileSync } from 'node:fs';
 import { join } from 'node:path';
 import { pathToFileURL } from 'node:url';
 import { gzipSync } from 'node:zlib';
@@ -41,6 +41,33 @@ test('nothing runs when it is installed', () => {
 test('every entry point is there, with its types', () => {
     for (const { types, default: module } of Object.values(manifest.exports)) expect([types, module].filter((path) => !existsSync(join(WEB, path)))).toEqual([]);
 });
+
+test.each(['bundler', 'nodenext'])('types resolve as %s does it', (resolution) => {
+    const folder = mkdtempSync(join(WEB, 'node_modules/.consumer-'));
+    try {
+        writeFileSync(join(folder, 'package.json'), JSON.stringify({ type: 'module', dependencies: {} }));
+        writeFileSync(join(folder, 'page.ts'), `
+            import { openScene, SplatRenderer, viewOf } from 'litetex';
+            import { readScene } from 'litetex/read';
+            import { LitetexLoader } from 'litetex/three';
+            import { LitetexViewerElement } from 'litetex/element';
+            const renderer = new SplatRenderer(document.createElement('canvas'));
+            openScene({ url: 'scene.ltgs' }, (info) => renderer.start(info), (update) => renderer.apply(update));
+            const splats: number = (await readScene(new Uint8Array())).splats;
+            document.querySelector('litetex-viewer')!.addEventListener('progress', (event) => console.log(event.loaded));
+            console.log(viewOf, LitetexLoader, LitetexViewerElement, splats);
+        `);
+        const options = { target: 'es2022', module: resolution === 'bundler' ? 'esnext' : 'nodenext', moduleResolution: resolution, strict: true, noEmit: true, lib: ['es2023', 'dom'], types: [] };
+        mkdirSync(join(folder, 'node_modules'));
+        symlinkSync(WEB, join(folder, 'node_modules/litetex'));
+        writeFileSync(join(folder, 'tsconfig.json'), JSON.stringify({ compilerOptions: { ...options, skipLibCheck: true }, files: ['page.ts'] }));
+        execFileSync('npx', ['tsc', '-p', folder], { cwd: WEB, stdio: 'pipe' });
+    } catch (error) {
+        throw new Error(String((error as { stdout?: Buffer }).stdout ?? error));
+    } finally {
+        rmSync(folder, { recursive: true });
+    }
+}, 60_000);
 
 test('the core, with its reader, is at most 35 kB', () => {
     const sizes = Object.fromEntries(Object.keys(manifest.exports).map((entry) => [entry, gzipBytes(entry)]));
