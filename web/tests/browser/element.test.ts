@@ -70,7 +70,7 @@ describe.skipIf(!browserPath())('<litetex-viewer>', () => {
 
     test('takes bytes, and odd numbers of splats', async () => {
         const bytes = "await (await fetch('" + FILE + "')).arrayBuffer()";
-        const again = `await new Promise((resolve) => { element.addEventListener('load', resolve, { once: true }); element.show(BYTES); }); return element.figures.splats;`;
+        const again = `const bytes = BYTES, done = new Promise((resolve) => element.addEventListener('load', resolve, { once: true })); element.show(bytes); await done; return element.figures.splats;`;
         expect(await show({ src: FILE, 'max-splats': '-3' }, 'load', again.replace('BYTES', `new Uint8Array(${bytes})`))).toBe(36);
         expect(await show({ src: FILE, 'max-splats': '2.5' }, 'load', again.replace('BYTES', bytes))).toBe(2);
     });
