@@ -58,7 +58,12 @@ class Page {
             this.viewer.open({ bytes: inside.bytes });
         } else if (url) {
             this.wait('Asking the program');
-            watch(url, { session: (session, base) => this.told(session, base), lost: () => this.lost(), none: () => this.welcome() });
+            watch(url, {
+                session: (session, base) => this.told(session, base),
+                lost: () => this.lost(),
+                refused: () => this.refused(),
+                none: () => this.welcome(),
+            });
         } else {
             this.welcome();
         }
@@ -106,8 +111,16 @@ class Page {
         if (!this.viewer.info) this.wait('');
     }
 
+    private refused(): void {
+        say('program', 'This address is not, or no longer, valid: open the one that the program prints.', { error: true, lasting: true });
+        if (!this.viewer.info) this.wait('');
+        // The right address in the same window differs in the fragment only, which loads nothing by itself.
+        addEventListener('hashchange', () => location.reload());
+    }
+
     private async openFile(file: File): Promise<void> {
         clear('file');
+        if (/\.x?html?$/i.test(file.name)) return say('file', `${file.name} is a page of its own: open it in the browser, as you would any page.`, { error: true });
         const content = await file.arrayBuffer().catch(() => null);
         if (!content) return say('file', `${file.name} cannot be read.`, { error: true });
         this.pending = file.name;

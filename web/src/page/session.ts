@@ -43,9 +43,13 @@ export interface SessionEvents {
     session(session: Session, base: URL): void;
     /** The program does not answer any more. */
     lost(): void;
+    /** The program does not know the page's token. It is asked no more. */
+    refused(): void;
     /** The page belongs to no program. */
     none(): void;
 }
+
+class Refused extends Error {}
 
 const SCHEMA = 'litetex-view/1';
 const RUNNING_MS = 1000;
@@ -81,8 +85,9 @@ export function watch(url: URL, events: SessionEvents): void {
             failures = 0;
             events.session(session, url);
             if (session.training?.state !== 'running') pause = IDLE_MS;
-        } catch {
+        } catch (error) {
             if (!answered && !location.hash) return events.none();
+            if (error instanceof Refused) return events.refused();
             // Two in a row: one may be lost while the computer sleeps.
             if (++failures === 2) events.lost();
         }
@@ -99,6 +104,7 @@ function visible(): Promise<void> {
 
 async function fetchSession(url: URL): Promise<Session> {
     const response = await fetch(url, { cache: 'no-store', signal: AbortSignal.timeout(TIMEOUT_MS) });
+    if (response.status === 403) throw new Refused();
     if (!response.ok) throw new Error(response.statusText);
     const session = await response.json() as Session;
     if (session.schema !== SCHEMA) throw new Error(`schema ${session.schema}`);

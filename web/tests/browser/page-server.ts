@@ -86,6 +86,6 @@ export class PageServer {
         if (what === 'session.json') send('application/json', JSON.stringify(this.session));
         else if (what === 'asset') send('application/octet-stream', this.asset);
         else if (photo) send('image/png', photo);
-        else response.writeHead(404).end();
+        else response.writeHead(token === TOKEN ? 404 : 403).end();
     }
 }

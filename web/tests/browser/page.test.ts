@@ -235,6 +235,13 @@ describe.skipIf(!browserPath())('page', () => {
         expect(await page.isDisabled('#tool-cameras')).toBe(true);
         await drop(page, 'rubbish.ltgs', Buffer.from('neither this nor that, but some bytes'));
         await says(page, 'rubbish.ltgs: ');
+        await drop(page, 'photo.png', Buffer.from('\x89PNG\r\n\x1a\n', 'latin1'));
+        await says(page, 'photo.png: file: found an image, expected .ltgs or .glb');
+        await drop(page, 'scene.html', Buffer.from(exported(LTGS, '')));
+        await says(page, 'scene.html is a page of its own: open it in the browser');
+        const quads = (key: string, value: unknown) => (key === 'primitives' ? [{ attributes: {}, extras: { litetex: { kind: 'quads' } } }] : value);
+        await drop(page, 'scene.mesh.glb', renamed(GLB, quads));
+        await says(page, 'scene.mesh.glb: this is a mesh of quads for programs that know no splats: open the .glb');
         expect(await hidden(page, 'welcome')).toBe(false);
         await drop(page, 'scene.glb', GLB);
         await driver.drawn(page);
@@ -318,6 +325,19 @@ describe.skipIf(!browserPath())('page', () => {
         expect(await hidden(served.page, 'welcome')).toBe(true);
         expect(await text(served.page, 'subtitle')).toContain('mine.glb');
         quiet(served, empty.origin);
+    });
+
+    test('says that its address is wrong, and asks no more', async () => {
+        const server = await driver.serve(LTGS);
+        const { page, requests } = await driver.open(`${server.origin}/#deadbeef`, { wait: false });
+        await says(page, 'This address is not, or no longer, valid: open the one that the program prints.');
+        expect(await hidden(page, 'waiting')).toBe(true);
+        await page.waitForTimeout(2500);
+        expect(requests.filter((url) => url.endsWith('session.json'))).toHaveLength(1);
+        expect(await text(page, 'messages')).not.toContain('has ended');
+        await page.goto(server.url);
+        await driver.drawn(page);
+        expect(await text(page, 'messages')).toBe('');
     });
 
     test('shows a training: its state, new scenes with the camera kept, its end, and that of the program', async () => {

@@ -203,6 +203,7 @@ describe('without textures', () => {
 test.each<[string, Change, RegExp]>([
     ['lines', (json) => (primitive(json).mode = 1), /mode of splats/],
     ['two primitives', (json) => json.meshes[0].primitives.push(primitive(json)), /^unsupported: primitives/],
+    ['a mesh of quads', (json) => Object.assign(primitive(json), { extensions: {}, extras: { litetex: { kind: 'quads' } } }), /^unsupported: this is a mesh of quads.*\.glb file/],
     ['an unknown required extension', (json) => (json.extensionsRequired = ['EXT_other']), /^unsupported: required extension/],
     ['another version of glTF', (json) => (json.asset.version = '3.0'), /^unsupported: version of glTF/],
     ['another colour space', (json) => (primitive(json).extensions[KHR].colorSpace = 'lin_rec709_display'), /colorSpace/],

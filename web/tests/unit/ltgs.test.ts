@@ -212,9 +212,9 @@ test.each([
     ['\n <html>', 'HTML'],
     ['{"asset": {}}', '.gltf'],
     ['\xef\xbb\xbf {', '.gltf'],
-    ['\x89PNG\r\n', 'image'],
+    ['\x89PNG\r\n', 'found an image,'],
     ['<script>'.repeat(50), 'HTML'],
-    ['GARBAGE!', 'GARBAGE!'],
+    ['GARBAGE!', 'found "GARBAGE!",'],
     ['', '""'],
 ])('%j is said to be of another format', async (start, word) => {
     for (const pieceBytes of [undefined, 1]) {

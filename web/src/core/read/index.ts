@@ -1,5 +1,4 @@
-import type { SceneInfo } from '../scene';
-import { support } from './errors';
+import { SceneError, type SceneInfo } from '../scene';
 import { readGlb } from './gltf/read';
 import { readLtgs } from './ltgs/read';
 import type { ReadOptions } from './options';
@@ -23,7 +22,7 @@ export async function readScene(
     try {
         const head = await source.peek(HEAD_BYTES);
         const magic = String.fromCharCode(...head.subarray(0, 4));
-        support(magic === 'LTGS' || magic === 'glTF', 'file', nameOf(head), '.ltgs or .glb');
+        if (magic !== 'LTGS' && magic !== 'glTF') throw new SceneError('unsupported', `file: found ${nameOf(head)}, expected .ltgs or .glb`);
         return await (magic === 'LTGS' ? readLtgs : readGlb)(source, options);
     } finally {
         close();

@@ -1,3 +1,5 @@
+import { shown } from './errors';
+
 /** First bytes of formats that are not read here, and what to call them. */
 const OTHERS: Readonly<Record<string, string>> = {
     'ply\n': 'a PLY file',
@@ -10,18 +12,18 @@ const OTHERS: Readonly<Record<string, string>> = {
     '\x89PNG': 'an image',
     '\xff\xd8\xff': 'an image',
     RIFF: 'an image',
-    '<': 'HTML or XML: is the address right?',
-    '{': 'JSON: pack a .gltf as one .glb file',
+    '<': 'HTML or XML (is the address right?)',
+    '{': 'JSON (pack a .gltf as one .glb file)',
 };
 
 /** Bytes of a file that {@link nameOf} looks at. */
 export const HEAD_BYTES = 64;
 
-/** What a file seems to be, by its first bytes. */
+/** What a file seems to be, by its first bytes: a description, or the bytes themselves in quotes. */
 export function nameOf(head: Uint8Array): string {
     const text = String.fromCharCode(...head);
     // White space and a byte order mark may precede text.
     const start = text.replace(/^(\xef\xbb\xbf)?\s*/, '');
     const magic = Object.keys(OTHERS).find((key) => text.startsWith(key) || start.startsWith(key));
-    return magic === undefined ? text.slice(0, 8) : OTHERS[magic];
+    return magic === undefined ? shown(text.slice(0, 8)) : OTHERS[magic];
 }

@@ -1,4 +1,4 @@
-import type { SceneInfo } from '../../scene';
+import { SceneError, type SceneInfo } from '../../scene';
 import { check, support } from '../errors';
 import { type Json, choiceOf, memberOf, objectOf, textOf, wholeOf } from '../json';
 import { COLOUR_SPACES, type Meta, readMeta } from '../meta';
@@ -32,6 +32,7 @@ export function findScene(document: Document): Found {
     });
     const splatting = (primitive: Json): unknown => memberOf(primitive.extensions, KHR);
     const ofSplats = primitives.filter(({ primitive }) => splatting(primitive) !== undefined);
+    if (ofSplats.length === 0 && primitives.some(({ primitive }) => isQuadMesh(primitive))) throw new SceneError('unsupported', QUADS_ONLY);
     const lost = primitives.flatMap(({ primitive }) => lossOf(primitive) ?? []);
     check(ofSplats.length > 0 || lost.length === 0, lost[0], 'no splats', `a primitive with ${KHR}`);
     support(ofSplats.length === 1, `primitives with ${KHR}`, ofSplats.length, 1);
@@ -50,6 +51,12 @@ export function findScene(document: Document): Found {
         colourSpace: choiceOf(khr.colorSpace, 'colorSpace', COLOUR_SPACES),
         worldFromData: worldFromMesh(document, mesh),
     };
+}
+
+const QUADS_ONLY = 'this is a mesh of quads for programs that know no splats: open the .glb file that was written beside it';
+
+function isQuadMesh({ extras }: Json): boolean {
+    return memberOf(memberOf(extras, 'litetex'), 'kind') === 'quads';
 }
 
 /** What the digest in `extras` tells if our extension is gone; null without a digest (section 9). */
