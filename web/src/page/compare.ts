@@ -131,6 +131,6 @@ export class Compare {
 
     private note(): string {
         if (this.mode === 'photo' && !this.exact) return `The photo is hidden, because the view is no longer that of ${this.camera?.name}.`;
-        return this.photos.size ? '' : 'Photos are at hand where the program serves the page and has the capture.';
+        return this.photos.size ? '' : 'Photos can be compared when the page is served by litetex view and it has the capture.';
     }
 }

@@ -472,6 +472,22 @@ describe.skipIf(!browserPath())('page', () => {
         quiet(opened, server.origin);
     });
 
+    test.each([[640, 480], [360, 640], [641, 480]])("keeps the divider's handle off the panel in a window of %i x %i", async (width, height) => {
+        const { page } = await driver.open((await driver.serve(LTGS)).url, { viewport: { width, height } });
+        await page.click('#tool-compare');
+        expect(await text(page, 'comparison-note')).toContain('served by litetex view');
+        await page.click('label:has-text("scene without textures")');
+        const grip = (await page.locator('.grip').boundingBox())!;
+        await page.mouse.move(grip.x + 20, grip.y + 20);
+        await page.mouse.down();
+        await page.mouse.move(grip.x - 80, grip.y + 150, { steps: 4 });
+        await page.mouse.up();
+        expect((await page.locator('.grip').boundingBox())!.x).toBeCloseTo(grip.x - 100, 0);
+        expect(await page.evaluate(() => String(getSelection()))).toBe('');
+        const panel = (await page.locator('#panel').boundingBox())!;
+        expect(grip.x + grip.width <= panel.x || grip.y + grip.height <= panel.y).toBe(true);
+    });
+
     test('says so where nothing can be drawn', async () => {
         const server = await driver.serve(LTGS);
         const without = await driver.open(server.url, { wait: false, init: () => { HTMLCanvasElement.prototype.getContext = () => null; } });
