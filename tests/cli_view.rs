@@ -203,6 +203,36 @@ fn clients_that_send_or_take_nothing_do_not_block_others() {
 }
 
 #[test]
+fn clients_that_send_on_do_not_block_others() {
+    let page = Page::start(&["view", "--no-open"]);
+    let mut clients: Vec<_> = (0..40).map(|_| page.connect()).collect();
+    for client in &mut clients {
+        let _ = client.write_all(b"GET /favicon.ico HTTP/1.1\r\nHost: localhost\r\n\r\n");
+    }
+    // Byte by byte, for longer than a client is listened to after its answer.
+    let began = Instant::now();
+    while began.elapsed() < Duration::from_millis(1500) {
+        clients.iter_mut().for_each(|client| drop(client.write_all(b"x")));
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    assert_eq!(page.data("session.json").status, 200);
+}
+
+/// What is in a run folder from elsewhere.
+#[cfg(unix)]
+fn check_a_run_from_elsewhere(folder: &Path, run: &Path) {
+    let secret = folder.join("secret");
+    std::fs::write(&secret, "not for the page").unwrap();
+    std::os::unix::fs::symlink(&secret, run.join("preview.ltgs")).unwrap();
+    std::fs::remove_file(run.join("metrics.jsonl")).unwrap();
+    let made = std::process::Command::new("mkfifo").arg(run.join("metrics.jsonl")).status().unwrap();
+    assert!(made.success());
+    let page = view(run);
+    assert!(page.session()["training"].is_null());
+    assert!(page.data("asset").body.starts_with(b"LTGS"));
+}
+
+#[test]
 fn a_run_is_shown_with_its_photos() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| text(&folder.path().join(name)).to_owned();
@@ -274,6 +304,8 @@ fn a_run_is_shown_with_its_photos() {
     drop(page);
     let (code, message) = bad(&["view", &run, "--capture", &capture, "--no-open"]);
     assert!(code == 3 && message.contains("capture: no such file"), "{code} {message}");
+    #[cfg(unix)]
+    check_a_run_from_elsewhere(folder.path(), Path::new(&run));
 }
 
 #[test]
@@ -288,8 +320,8 @@ fn what_cannot_be_shown_is_told() {
         ("nowhere.glb", 3, "no such file"),
         ("foreign.html", 3, "not an exported scene"),
         ("broken.ltgs", 3, "broken.ltgs: "),
-        ("photo.jpg", 3, "photo.jpg: "),
-        ("empty", 3, "no checkpoint"),
+        ("photo.jpg", 3, "photo.jpg: a file of another kind: view shows assets (.ltgs, "),
+        ("empty", 3, "a folder without checkpoints"),
     ] {
         let (found, message) = bad(&["view", &at(name), "--no-open"]);
         assert!(found == code && message.contains(what), "{name}: {found} {message}");

@@ -2,6 +2,7 @@
 
 use super::curve::Curve;
 use litetex_exporters::html::{SessionTraining, TrainingState};
+use litetex_exporters::regular_file_bytes;
 use serde_json::Value;
 use std::collections::VecDeque;
 use std::fs::File;
@@ -48,15 +49,20 @@ impl MetricsTail {
     /// Takes in the lines that are new, and tells where the training is; the state is `Running` unless the file says that it
     /// ended. `None` if there is no such file.
     pub fn read(&mut self) -> Option<SessionTraining> {
+        // A pipe in its place would never open.
+        let bytes = regular_file_bytes(&self.path).ok()?;
         let mut file = File::open(&self.path).ok()?;
-        if file.metadata().ok()?.len() < self.read {
+        if bytes < self.read {
             // Of a new run, or one that was resumed from an earlier step.
             *self = Self::new(std::mem::take(&mut self.path), self.steps);
         }
         file.seek(SeekFrom::Start(self.read)).ok()?;
         let mut bytes = Vec::new();
         file.take(PIECE_BYTES).read_to_end(&mut bytes).ok()?;
-        let whole = bytes.iter().rposition(|b| *b == b'\n').map_or(0, |at| at + 1);
+        let is_full = bytes.len() as u64 == PIECE_BYTES;
+        // Nothing of ours has lines as long as a piece; one that has is left out.
+        let end = bytes.iter().rposition(|b| *b == b'\n').map(|at| at + 1);
+        let whole = end.unwrap_or(if is_full { bytes.len() } else { 0 });
         self.read += whole as u64;
         for line in bytes[..whole].split(|b| *b == b'\n') {
             self.take(&serde_json::from_slice(line).unwrap_or_default());

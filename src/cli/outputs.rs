@@ -66,6 +66,13 @@ pub fn check(source: Option<&Path>, outputs: &[PathBuf], args: &AssetArgs) -> Re
                 .into(),
         ));
     }
+    if args.spz_version == 4 && !any(|f| f == Format::Spz) {
+        return Err(Error::Usage("--spz-version applies only to .spz files, and no output is one".into()));
+    }
+    if args.up.is_some_and(|up| up.in_capture.is_none()) && !any(|f| f == Format::Ply) {
+        let what = "--up with a program's name applies only to .ply files, and no output is one; other formats say what is up";
+        return Err(Error::Usage(what.into()));
+    }
     if args.mesh && !any(|f| f.keeps_textures() && !matches!(f, Format::Ltgs | Format::Html)) {
         return Err(Error::Usage("--mesh applies only to glTF and USD files, and no output is one".into()));
     }
@@ -134,6 +141,9 @@ mod tests {
         assert!(fails(None, &["a@b.usda"], &plain).unwrap().contains("must be UTF-8 without"));
         assert!(fails(None, &["z.glb/"], &plain).unwrap().contains("is a folder"));
         assert!(fails(None, &["z.ltgs"], &mesh).unwrap().contains("--mesh"));
+        let version = AssetArgs { spz_version: 4, ..AssetArgs::default() };
+        assert!(fails(None, &["z.glb"], &version).unwrap().contains("--spz-version"));
+        assert_eq!(fails(None, &["z.glb", "z.spz"], &version), None);
         let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().collect();
         assert_eq!(left.len(), 2, "no probe stays: {left:?}");
     }

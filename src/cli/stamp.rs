@@ -12,9 +12,18 @@ pub struct Stamp {
 }
 
 impl Stamp {
-    /// `None` if there is no such file.
+    /// `None` if there is no such file; links are followed.
     pub fn of(path: PathBuf) -> Option<Self> {
-        let facts = std::fs::metadata(&path).ok().filter(std::fs::Metadata::is_file)?;
+        Self::from_facts(std::fs::metadata(&path), path)
+    }
+
+    /// `None` if there is no such file in its folder: a link could lead to one elsewhere.
+    pub fn of_own(path: PathBuf) -> Option<Self> {
+        Self::from_facts(std::fs::symlink_metadata(&path), path)
+    }
+
+    fn from_facts(facts: std::io::Result<std::fs::Metadata>, path: PathBuf) -> Option<Self> {
+        let facts = facts.ok().filter(std::fs::Metadata::is_file)?;
         Some(Self { changed: facts.modified().ok()?, bytes: facts.len(), path })
     }
 }

@@ -4,7 +4,7 @@ use super::capture::Capture;
 use super::interrupt::Interrupt;
 use super::log::Log;
 use super::run_folder::is_run;
-use super::sources::{load_scene, open_photos};
+use super::sources::{is_asset, load_scene, open_photos};
 use super::stamp::Stamp;
 use super::view_photos::{CapturePhotos, list};
 use super::view_run::RunWatch;
@@ -13,7 +13,7 @@ use crate::viewer::{Server, Shown};
 use litetex_gs::verify::BakedScene;
 use litetex_gs::{Error, Result};
 use std::io::{ErrorKind, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -92,6 +92,21 @@ impl Watch {
     }
 }
 
+/// Refuses what is neither a run, a checkpoint nor an asset, by its name.
+fn refuse_other_kinds(source: &Path) -> Result<()> {
+    let shown = "view shows assets (.ltgs, .glb, .gltf, .html, .usda, .usdc, .usdz, .ply, .spz), checkpoints (.safetensors) and runs";
+    if source.is_dir() && !source.join("checkpoints").is_dir() {
+        let what =
+            format!("a folder without checkpoints: {shown}; a capture is to be trained first: litetex train");
+        return Err(Error::invalid(source, what));
+    }
+    let is_checkpoint = source.extension().is_some_and(|e| e == "safetensors");
+    if source.is_file() && !is_asset(source) && !is_checkpoint {
+        return Err(Error::invalid(source, format!("a file of another kind: {shown}")));
+    }
+    Ok(())
+}
+
 /// Reads what is to be shown.
 fn show(args: &ViewArgs, shown: &Arc<Shown>, log: &Log) -> Result<Option<Watch>> {
     let Some(source) = &args.source else { return Ok(None) };
@@ -99,6 +114,7 @@ fn show(args: &ViewArgs, shown: &Arc<Shown>, log: &Log) -> Result<Option<Watch>>
         let run = RunWatch::start(source, args.capture.as_deref(), Arc::clone(shown), log)?;
         return Ok(Some(Watch::Run(Box::new(run))));
     }
+    refuse_other_kinds(source)?;
     // Before it is read: what changes meanwhile is read again.
     let stamp = Stamp::of(source.clone());
     let (scene, trained) = load_scene(source, log)?;

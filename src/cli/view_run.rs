@@ -64,7 +64,8 @@ impl RunWatch {
 
     /// The newest scene. While training goes on, that is the preview, if there is one: checkpoints take longer to read.
     fn newest(&self, is_running: bool) -> Option<Stamp> {
-        let preview = Stamp::of(self.root.join(PREVIEW));
+        // What a run folder from someone else links to is not to be served.
+        let preview = Stamp::of_own(self.root.join(PREVIEW));
         let checkpoint = find_checkpoint(&self.root).ok().and_then(Stamp::of);
         match (preview, checkpoint) {
             (Some(preview), Some(checkpoint)) if !is_running && checkpoint.changed >= preview.changed => {

@@ -2,7 +2,7 @@
 
 use std::io::{self, Read, Write};
 use std::net::{Shutdown, TcpStream};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Bytes that are written at a time.
 const PIECE_BYTES: usize = 64 << 10;
@@ -106,10 +106,23 @@ fn send(mut body: Box<dyn Read + '_>, num_bytes: u64, stream: &mut TcpStream) ->
     Ok(())
 }
 
-/// Ends a connection so that what was written arrives: a connection closed with unread bytes is reset.
+/// Ends a connection so that what was written arrives: a connection closed with unread bytes is reset. Takes [`LINGER`] at most.
 pub fn close(stream: &mut TcpStream) {
-    if stream.shutdown(Shutdown::Write).is_ok() && stream.set_read_timeout(Some(LINGER)).is_ok() {
-        let _ = io::copy(&mut (&*stream).take(LINGER_BYTES), &mut io::sink());
+    let end = Instant::now() + LINGER;
+    let mut piece = vec![0; PIECE_BYTES];
+    let mut read = 0;
+    if stream.shutdown(Shutdown::Write).is_ok() {
+        while read < LINGER_BYTES {
+            // A client that sends on, byte by byte, gets no more time for it.
+            let left = end.saturating_duration_since(Instant::now());
+            if left.is_zero() || stream.set_read_timeout(Some(left)).is_err() {
+                break;
+            }
+            match stream.read(&mut piece) {
+                Ok(0) | Err(_) => break,
+                Ok(bytes) => read += bytes as u64,
+            }
+        }
     }
     let _ = stream.shutdown(Shutdown::Both);
 }
