@@ -49,7 +49,8 @@ impl ShownCamera {
         let flip = [1.0, -1.0, -1.0];
         let axes = [0, 1, 2].map(|j| [0, 1, 2].map(|i| flip[i] * rotation_rows[j][i] * flip[j]));
         let along = |i: usize| (0..3).map(|j| rotation_rows[j][i] * translation[j]).sum::<f64>();
-        let centre = [0, 1, 2].map(|i| nine_digits(0.0 - flip[i] * along(i)));
+        // All digits: captures may lie a million units from the origin of their frame.
+        let centre = [0, 1, 2].map(|i| 0.0 - flip[i] * along(i));
         let sides = [f64::from(width_px), f64::from(height_px)];
         let size = [0, 1].map(|i| sides[i] / focal_px[i]);
         let right = (0.5 * sides[0] - principal_px[0]) / focal_px[0];
