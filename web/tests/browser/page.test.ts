@@ -1,6 +1,6 @@
 /** The built page, served and as a file, under the policy that the program gives it. */
 
-import { execFileSync, spawn } from 'node:child_process';
+import { type ChildProcess, execFileSync, spawn } from 'node:child_process';
 import { mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
@@ -501,19 +501,8 @@ describe.skipIf(!browserPath())('page', () => {
     });
 
     test.skipIf(!views(process.env.LITETEX))('works with the program', async () => {
-        const program = spawn(process.env.LITETEX!, ['view', join(PACK, 'balanced.ltgs'), '--no-open'], { stdio: ['ignore', 'pipe', 'pipe'] });
+        const { program, url } = await started(['view', join(PACK, 'balanced.ltgs'), '--no-open']);
         try {
-            const url = await new Promise<string>((resolve, reject) => {
-                let said = '';
-                const read = (data: Buffer) => {
-                    said += data;
-                    const found = /http:\/\/127\.0\.0\.1:\d+\/\S*/.exec(said);
-                    if (found) resolve(found[0]);
-                };
-                program.stdout.on('data', read);
-                program.stderr.on('data', read);
-                program.on('exit', () => reject(new Error(said)));
-            });
             const opened = await driver.open(url);
             const own = await driver.open((await driver.serve(LTGS)).url);
             expect(difference(await driver.canvas(opened.page), await driver.canvas(own.page)).largest).toBe(0);
@@ -524,7 +513,50 @@ describe.skipIf(!browserPath())('page', () => {
             program.kill();
         }
     });
+
+    test.skipIf(!views(process.env.LITETEX))('a training is seen to go on, and to be killed', async () => {
+        const [capture, run] = [join(folder, 'capture'), join(folder, 'run')];
+        execFileSync(process.env.LITETEX!, ['-q', 'sample', capture, '--views', '12', '--size', '64x48', '--points', '300', '--no-truth']);
+        const training = await started(['train', capture, '-o', run, '--device', 'cpu', '--steps', '1000000', '--eval-every', '0', '--view', '--no-open']);
+        const follower = await started(['view', run, '--no-open']);
+        try {
+            const { page } = await driver.open(training.url, { wait: false });
+            await driver.drawn(page, ' splats');
+            const first = await driver.canvas(page);
+            const steps = () => page.waitForFunction(() => Number(/[\d,]+/.exec(document.getElementById('training-step')!.textContent!)?.[0].replace(',', '') ?? 0) >= 200);
+            await steps();
+            // The next preview; there is one every few seconds.
+            await expect.poll(async () => difference(await driver.canvas(page), first).largest, { timeout: 40_000, interval: 1000 }).toBeGreaterThan(8);
+            const other = (await driver.open(follower.url, { wait: false })).page;
+            await driver.drawn(other, ' splats');
+            expect(await text(other, 'training-state')).toBe('Training');
+            training.program.kill('SIGKILL');
+            await says(page, 'The program has ended.');
+            await says(other, 'The training has stopped at step');
+            expect(await text(other, 'training-state')).toBe('Training stopped');
+        } finally {
+            training.program.kill('SIGKILL');
+            follower.program.kill();
+        }
+    });
 });
+
+/** Starts the program, and waits for the address that it prints. */
+async function started(args: readonly string[]): Promise<{ program: ChildProcess; url: string }> {
+    const program = spawn(process.env.LITETEX!, args, { stdio: ['ignore', 'pipe', 'pipe'] });
+    const url = await new Promise<string>((resolve, reject) => {
+        let said = '';
+        const read = (data: Buffer) => {
+            said += data;
+            const found = /http:\/\/127\.0\.0\.1:\d+\/\S*/.exec(said);
+            if (found) resolve(found[0]);
+        };
+        program.stdout.on('data', read);
+        program.stderr.on('data', read);
+        program.on('exit', () => reject(new Error(said)));
+    });
+    return { program, url };
+}
 
 /** Whether a program has the command. */
 function views(program: string | undefined): boolean {
