@@ -292,14 +292,13 @@ describe.skipIf(!browserPath())('page', () => {
         for (const end of [scene + 1000, whole.indexOf('</script>', scene), script, script + 1000]) {
             writeFileSync(file, whole.slice(0, end));
             const { page } = await driver.open(href, { wait: false });
-            await page.waitForTimeout(1000);
-            expect(await unstarted(page)).toContain('This page is incomplete');
+            // Animations of a busy machine come late.
+            await expect.poll(() => unstarted(page), { timeout: 15_000 }).toContain('This page is incomplete');
             expect(await page.locator('body > *:visible').count()).toBe(0);
         }
         writeFileSync(file, whole);
         const without = await driver.open(href, { wait: false, javaScriptEnabled: false });
-        await without.page.waitForTimeout(1000);
-        expect(await unstarted(without.page)).toContain('scripts are off');
+        await expect.poll(() => unstarted(without.page), { timeout: 15_000 }).toContain('scripts are off');
         const { page, errors } = await driver.open(href);
         await page.waitForTimeout(1000);
         expect(await unstarted(page)).toBe('');
