@@ -29,23 +29,11 @@ const oneFile: Plugin = {
     },
 };
 
-/** No second copy of the readers: the page's policy allows the worker that has them. */
-const withoutReaders: Plugin = {
-    name: 'without-readers',
-    enforce: 'pre',
-    load(id) {
-        if (!id.endsWith('/core/worker/read-from.ts')) return null;
-        return `export async function readFrom(source, most, post) {
-            post({ kind: 'failed', name: 'Error', errorKind: '', message: 'this browser starts no worker' });
-        }`;
-    },
-};
-
 // The page that the program embeds. The same sources and packages give the same bytes.
 export default defineConfig({
     root: ROOT,
     base: './',
-    plugins: [glsl(), withoutReaders, oneFile],
+    plugins: [glsl(), oneFile],
     build: {
         target: 'es2022', cssTarget: ['chrome123', 'firefox128', 'safari18'], minify: 'oxc', modulePreload: false,
         outDir: BUILT, emptyOutDir: true, reportCompressedSize: false,

@@ -1,5 +1,5 @@
-import { SceneError, type SceneInfo, type SplatUpdate } from './scene';
-import type { Source } from './worker/messages';
+import type { SceneInfo, SplatUpdate } from './scene';
+import { errorOf, type Source } from './worker/messages';
 import { startReading, startWorker } from './worker/start';
 
 export interface Opened {
@@ -23,9 +23,7 @@ export function openScene(
                 worker?.terminate();
                 reject(error); // the caller's own
             }
-            if (message.kind === 'failed') {
-                reject(message.errorKind ? new SceneError(message.errorKind as SceneError['kind'], message.message) : new Error(message.message));
-            }
+            if (message.kind === 'failed') reject(errorOf(message));
             if (message.kind === 'done') resolve();
             if (message.kind === 'done' || message.kind === 'failed') worker?.terminate();
         });

@@ -1,12 +1,11 @@
 /** A scene on a canvas: reads it as it arrives, moves the camera, and draws when something has changed. */
 
 import type { SceneCamera, SceneInfo } from '../core/scene';
-import { SceneError } from '../core/scene';
 import type { Colours } from '../core/render/colours';
 import { type DrawOptions, SplatRenderer } from '../core/render/renderer';
 import type { View } from '../core/render/view';
 import { startReading, startWorker } from '../core/worker/start';
-import type { FromWorker, Source } from '../core/worker/messages';
+import { errorOf, type FromWorker, type Source } from '../core/worker/messages';
 import { sceneBounds, type Sphere } from './bounds';
 import { Controls } from './controls';
 import { homePose, type Pose } from './pose';
@@ -194,7 +193,7 @@ export class Viewer {
                 break;
             case 'failed':
                 this.close();
-                this.events.error?.(message.errorKind ? new SceneError(message.errorKind as SceneError['kind'], message.message) : new Error(message.message));
+                this.events.error?.(errorOf(message));
                 return;
         }
         this.invalidate();

@@ -50,9 +50,10 @@ describe.skipIf(!browserPath())('images', () => {
             const half = compare(rgbOf(shipped), expected.rgb);
             const canvas = compare(rgbOfBytes(shipped), expected.rgb);
             if (process.env.LITETEX_FIGURES) console.log(file, view, float.psnr.toFixed(1), float.largest.toFixed(4), half.psnr.toFixed(1), canvas.psnr.toFixed(1));
+            // Measured: 72.8 dB where f32 decides whether a splat at the near plane is drawn, else 100 and more; 68.6; 58.5.
             expect(float.psnr).toBeGreaterThan(60);
-            expect(half.psnr).toBeGreaterThan(55);
-            expect(canvas.psnr).toBeGreaterThan(45);
+            expect(half.psnr).toBeGreaterThan(60);
+            expect(canvas.psnr).toBeGreaterThan(55);
         }
     });
 
@@ -65,7 +66,7 @@ describe.skipIf(!browserPath())('images', () => {
     test('hardly more fragments are shaded than blended', async () => {
         const view = 'view_0003';
         for (const [file, at] of [[join(sample, 'tiny.ltgs'), view], [join(ASSETS, 'lossless.glb'), 'side']]) {
-            const { shaded, blended } = await browser.page.evaluate(([url, name]) => (window as unknown as Harness).counts(url, name, 0), [`/@fs/${file}`, at] as const);
+            const { shaded, blended } = await browser.page.evaluate(([url, name]) => (window as unknown as Harness).counts(url, name), [`/@fs/${file}`, at] as const);
             if (process.env.LITETEX_FIGURES) console.log(file, at, shaded, blended, (shaded / blended).toFixed(3));
             expect(blended).toBeGreaterThan(10_000);
             expect(shaded / blended).toBeLessThan(1.6); // 4 / pi is the least for rectangles around ellipses

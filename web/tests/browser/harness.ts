@@ -35,6 +35,7 @@ export async function draw(job: Job): Promise<Drawn> {
     const renderer = new SplatRenderer(canvas, job.renderer);
     let failure = '';
     await readFrom({ url: job.url }, Infinity, (message) => {
+        // Room for the padded maps of a control.
         if (message.kind === 'info') renderer.start({ ...message.info, texels: 2 * message.info.texels + 64 * message.info.splats });
         if (message.kind === 'update' && message.update.complete) renderer.apply(damaged(message.update, job.control));
         if (message.kind === 'failed') failure = message.message;
@@ -98,7 +99,6 @@ function base64(array: Float32Array | Uint8Array): string {
     return btoa(text);
 }
 
-
 /** PSNR of what is shown after each part of a file has arrived, against the whole file; dB, in one view. */
 export async function prefixes(url: string, view: string, parts: readonly number[]): Promise<number[]> {
     const bytes = new Uint8Array(await (await fetch(url)).arrayBuffer());
@@ -125,11 +125,11 @@ export async function prefixes(url: string, view: string, parts: readonly number
     return images.map((image) => image.length === 0 ? 0 : -10 * Math.log10(image.reduce((sum, v, i) => sum + (i % 4 === 3 ? 0 : (clamped(v) - clamped(whole[i])) ** 2), 0) / (0.75 * whole.length)));
 }
 
-/** Fragments that were shaded, and those that were blended, in one view; milliseconds of images after the first. */
-export async function counts(url: string, view: string, times: number): Promise<{ shaded: number; blended: number; ms: number[]; figures: object; size: [number, number] }> {
+/** Fragments that are shaded, and those that are blended, in one view. */
+export async function counts(url: string, view: string): Promise<{ shaded: number; blended: number }> {
     const count = async (defines: string) => {
         const canvas = document.createElement('canvas');
-        const renderer = new SplatRenderer(canvas, { target: defines ? 'rgba32f' : 'rgba16f', defines });
+        const renderer = new SplatRenderer(canvas, { target: 'rgba32f', defines });
         await readFrom({ url }, Infinity, (message) => {
             if (message.kind === 'info') renderer.start(message.info);
             if (message.kind === 'update' && message.update.complete) renderer.apply(message.update);
@@ -137,21 +137,12 @@ export async function counts(url: string, view: string, times: number): Promise<
         const at = viewOf(renderer.info!.cameras.find(({ name }) => name.startsWith(view))!);
         [canvas.width, canvas.height] = [at.widthPx, at.heightPx];
         await renderer.sorted(at);
-        const ms: number[] = [];
-        let sum = 0;
-        for (let i = 0; i < (defines ? 1 : times); i++) {
-            const start = performance.now();
-            renderer.draw(at, { background: [0, 0, 0] });
-            const pixels = renderer.read();
-            ms.push(performance.now() - start);
-            if (i === 0) sum = pixels.reduce((total, v, k) => total + (k % 4 === 0 ? v : 0), 0);
-        }
-        const figures = renderer.figures;
+        renderer.draw(at, { background: [0, 0, 0] });
+        const sum = renderer.read().reduce((total, v, k) => total + (k % 4 === 0 ? v : 0), 0);
         renderer.dispose();
-        return { sum, ms, figures, size: [at.widthPx, at.heightPx] as [number, number] };
+        return sum;
     };
-    const [shaded, blended, plain] = [await count('#define COUNT_FRAGMENTS\n'), await count('#define COUNT_DRAWN\n'), await count('')];
-    return { shaded: shaded.sum, blended: blended.sum, ms: plain.ms, figures: plain.figures, size: plain.size };
+    return { shaded: await count('#define COUNT_FRAGMENTS\n'), blended: await count('#define COUNT_DRAWN\n') };
 }
 
 const harness = { draw, prefixes, counts };

@@ -2,6 +2,7 @@
 
 import { readFileSync } from 'node:fs';
 import { chromium, type Browser, type BrowserContextOptions, type Page } from 'playwright-core';
+import { expect } from 'vitest';
 import { browserPath, FLAGS } from './browser';
 import { PageServer } from './page-server';
 
@@ -127,4 +128,13 @@ export function renamed(glb: Buffer, change: (key: string, value: unknown) => un
     const file = Buffer.concat([head, padded, glb.subarray(20 + length)]);
     file.writeUInt32LE(file.length, 8);
     return file;
+}
+
+export const text = (page: Page, id: string) => page.evaluate((which) => document.getElementById(which)!.textContent, id);
+export const says = (page: Page, words: string) => page.waitForFunction((wanted) => document.getElementById('messages')!.textContent!.includes(wanted), words);
+
+/** Nothing went wrong, and nothing was asked of anyone but the page's own server. */
+export function quiet({ errors, requests }: Opened, origin: string): void {
+    expect(errors).toEqual([]);
+    expect(requests.filter((url) => !url.startsWith(`${origin}/`) && !/^(blob|data):/.test(url))).toEqual([]);
 }

@@ -29,7 +29,7 @@ export function exported(ltgs: Buffer, title: string): string {
 }
 
 export const SESSION = {
-    schema: 'litetex-view/1', title: '', program: 'litetex 0.0.0', fallback: null,
+    schema: 'litetex-view/1', title: '', program: 'litetex 0.0.0',
     asset: { url: `/${TOKEN}/asset`, bytes: 0, format: 'ltgs', name: 'balanced.ltgs', revision: 1 },
     photos: null as { view: string; url: string; widthPx: number; heightPx: number }[] | null,
     training: null as object | null,

@@ -1,6 +1,5 @@
 /** The built page, served and as a file, under the policy that the program gives it. */
 
-import { type ChildProcess, execFileSync, spawn } from 'node:child_process';
 import { mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
@@ -8,7 +7,7 @@ import { pathToFileURL } from 'node:url';
 import type { Page } from 'playwright-core';
 import { afterAll, beforeAll, describe, expect, test } from 'vitest';
 import { BrowserTest, browserPath, WEB } from './browser';
-import { difference, type Opened, PageDriver, type Raster, renamed } from './page-driver';
+import { difference, PageDriver, quiet, type Raster, renamed, says, text } from './page-driver';
 import { exported } from './page-server';
 
 const PACK = join(WEB, '../samples/conformance');
@@ -16,9 +15,7 @@ const LTGS = readFileSync(join(PACK, 'balanced.ltgs'));
 const GLB = readFileSync(join(PACK, 'balanced.glb'));
 const HOSTILE = '</script><img src=x onerror="document.title=1"><b>';
 
-const text = (page: Page, id: string) => page.evaluate((which) => document.getElementById(which)!.textContent, id);
 const hidden = (page: Page, id: string) => page.evaluate((which) => document.getElementById(which)!.hidden, id);
-const says = (page: Page, words: string) => page.waitForFunction((wanted) => document.getElementById('messages')!.textContent!.includes(wanted), words);
 const cameraIs = (page: Page, name: string) => page.waitForFunction((wanted) => document.getElementById('camera-name')!.textContent === wanted, name);
 
 /** Drops a file on the page. */
@@ -50,12 +47,6 @@ function countDraws(): void {
     };
 }
 const draws = (page: Page) => page.evaluate(() => (window as unknown as { draws: number[] }).draws);
-
-/** Nothing went wrong, and nothing was asked of anyone but the page's own server. */
-function quiet({ errors, requests }: Opened, origin: string): void {
-    expect(errors).toEqual([]);
-    expect(requests.filter((url) => !url.startsWith(`${origin}/`) && !/^(blob|data):/.test(url))).toEqual([]);
-}
 
 describe.skipIf(!browserPath())('page', () => {
     let driver: PageDriver;
@@ -498,69 +489,7 @@ describe.skipIf(!browserPath())('page', () => {
         await driver.drawn(page);
         expect(await text(page, 'messages')).toBe('');
     });
-
-    test.skipIf(!views(process.env.LITETEX))('works with the program', async () => {
-        const { program, url } = await started(['view', join(PACK, 'balanced.ltgs'), '--no-open']);
-        try {
-            const opened = await driver.open(url);
-            const own = await driver.open((await driver.serve(LTGS)).url);
-            expect(difference(await driver.canvas(opened.page), await driver.canvas(own.page)).largest).toBe(0);
-            quiet(opened, new URL(url).origin);
-            program.kill();
-            await says(opened.page, 'The program has ended.');
-        } finally {
-            program.kill();
-        }
-    });
-
-    test.skipIf(!views(process.env.LITETEX))('a training is seen to go on, and to be killed', async () => {
-        const [capture, run] = [join(folder, 'capture'), join(folder, 'run')];
-        execFileSync(process.env.LITETEX!, ['-q', 'sample', capture, '--views', '12', '--size', '64x48', '--points', '300', '--no-truth']);
-        const training = await started(['train', capture, '-o', run, '--device', 'cpu', '--steps', '1000000', '--eval-every', '0', '--view', '--no-open']);
-        const follower = await started(['view', run, '--no-open']);
-        try {
-            const { page } = await driver.open(training.url, { wait: false });
-            await driver.drawn(page, ' splats');
-            const first = await driver.canvas(page);
-            const steps = () => page.waitForFunction(() => Number(/[\d,]+/.exec(document.getElementById('training-step')!.textContent!)?.[0].replace(',', '') ?? 0) >= 200);
-            await steps();
-            // The next preview; there is one every few seconds.
-            await expect.poll(async () => difference(await driver.canvas(page), first).largest, { timeout: 40_000, interval: 1000 }).toBeGreaterThan(8);
-            const other = (await driver.open(follower.url, { wait: false })).page;
-            await driver.drawn(other, ' splats');
-            expect(await text(other, 'training-state')).toBe('Training');
-            training.program.kill('SIGKILL');
-            await says(page, 'The program has ended.');
-            await says(other, 'The training has stopped at step');
-            expect(await text(other, 'training-state')).toBe('Training stopped');
-        } finally {
-            training.program.kill('SIGKILL');
-            follower.program.kill();
-        }
-    });
 });
-
-/** Starts the program, and waits for the address that it prints. */
-async function started(args: readonly string[]): Promise<{ program: ChildProcess; url: string }> {
-    const program = spawn(process.env.LITETEX!, args, { stdio: ['ignore', 'pipe', 'pipe'] });
-    const url = await new Promise<string>((resolve, reject) => {
-        let said = '';
-        const read = (data: Buffer) => {
-            said += data;
-            const found = /http:\/\/127\.0\.0\.1:\d+\/\S*/.exec(said);
-            if (found) resolve(found[0]);
-        };
-        program.stdout.on('data', read);
-        program.stderr.on('data', read);
-        program.on('exit', () => reject(new Error(said)));
-    });
-    return { program, url };
-}
-
-/** Whether a program has the command. */
-function views(program: string | undefined): boolean {
-    return program !== undefined && /^ +view /m.test(execFileSync(program, ['help'], { encoding: 'utf8' }));
-}
 
 function shiftedBy({ width, height, data }: Raster, px: number): Raster {
     const moved = Buffer.alloc(data.length);

@@ -15,7 +15,7 @@ const GROWTH_MAX = 2.5;
  * first, hence the fourth root. Measured on four scenes: best of 1 to 2.5 for 5 % and 20 % of the splats, 3 to 7 dB better
  * than 1.
  */
-export function growthOf(splats: number, all: number): number {
+function growthOf(splats: number, all: number): number {
     return Math.min(GROWTH_MAX, Math.max(1, all / Math.max(1, splats)) ** 0.25);
 }
 

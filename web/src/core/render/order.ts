@@ -78,11 +78,12 @@ export class Order {
     }
 
     private receive(message: FromWorker): void {
-        if (message.kind !== 'order') return;
         this.busy = false;
-        this.lastMs = message.ms;
-        // An order of splats that have changed since would be of the wrong length.
-        if (message.generation === this.generation) this.onOrder(message.order);
+        if (message.kind === 'order') {
+            this.lastMs = message.ms;
+            // An order of splats that have changed since would be of the wrong length.
+            if (message.generation === this.generation) this.onOrder(message.order);
+        }
         this.next();
         if (!this.busy) this.waiting.splice(0).forEach((resolve) => resolve());
     }

@@ -48,7 +48,7 @@ export class SplatRenderer {
         const gl = canvas.getContext('webgl2', { antialias: false, depth: false, premultipliedAlpha: true, powerPreference: 'high-performance' });
         if (!gl) throw new Error('this browser has no WebGL2');
         this.gl = gl as WebGL2RenderingContext;
-        const best = bestTarget(this.gl);
+        const best = bestTarget(this.gl); // also allows targets of floats that options ask for
         this.format = options.target === 'canvas' ? null : options.target ?? best;
         if (this.format === 'rgba32f') this.gl.getExtension('EXT_float_blend');
         this.program = splatProgram(this.gl, options.defines);
@@ -103,7 +103,7 @@ export class SplatRenderer {
         gl.clearColor(...(background ?? [0, 0, 0] as const), background ? 1 : 0);
         gl.clear(gl.COLOR_BUFFER_BIT);
         this.drawSplats(view, info, buffers, options);
-        if (target) this.resolveInto(null, target, info);
+        if (target) this.resolveOntoCanvas(target, info);
     }
 
     /** The image last drawn, before it became one of 8 bits: premultiplied RGBA, rows from the top. */
@@ -180,9 +180,9 @@ export class SplatRenderer {
         gl.disable(gl.BLEND);
     }
 
-    private resolveInto(framebuffer: WebGLFramebuffer | null, target: Target, info: SceneInfo): void {
+    private resolveOntoCanvas(target: Target, info: SceneInfo): void {
         const { gl, resolve } = this;
-        gl.bindFramebuffer(gl.FRAMEBUFFER, framebuffer);
+        gl.bindFramebuffer(gl.FRAMEBUFFER, null);
         gl.useProgram(resolve.program);
         gl.activeTexture(gl.TEXTURE0);
         gl.bindTexture(gl.TEXTURE_2D, target.texture);

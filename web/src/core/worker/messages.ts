@@ -1,5 +1,5 @@
 import type { SortView } from '../render/sort';
-import type { SceneInfo, SplatUpdate } from '../scene';
+import { SceneError, type SceneInfo, type SplatUpdate } from '../scene';
 
 /** What a file is read from: an address, or its bytes. */
 export type Source = { readonly url: string } | { readonly bytes: ArrayBuffer };
@@ -14,4 +14,16 @@ export type FromWorker =
     | { kind: 'info'; info: SceneInfo }
     | { kind: 'update'; update: SplatUpdate }
     | { kind: 'done' }
-    | { kind: 'failed'; name: string; errorKind: string; message: string };
+    | Failed;
+
+interface Failed {
+    kind: 'failed';
+    /** Kind of a SceneError; null for other errors, as of the network. */
+    errorKind: SceneError['kind'] | null;
+    message: string;
+}
+
+/** The error that a worker met, which cannot itself be posted. */
+export function errorOf({ errorKind, message }: Failed): Error {
+    return errorKind ? new SceneError(errorKind, message) : new Error(message);
+}

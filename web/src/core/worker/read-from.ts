@@ -16,8 +16,8 @@ export async function readFrom(
         });
         post({ kind: 'done' });
     } catch (error) {
-        const { name, message } = error instanceof Error ? error : new Error(String(error));
-        post({ kind: 'failed', name, message, errorKind: error instanceof SceneError ? error.kind : '' });
+        const message = error instanceof Error ? error.message : String(error);
+        post({ kind: 'failed', message, errorKind: error instanceof SceneError ? error.kind : null });
     }
 }
 

@@ -9,10 +9,10 @@ export function startWorker(receive: (message: FromWorker) => void): Worker | nu
     try {
         const worker = new SplatWorker();
         worker.onmessage = (event: MessageEvent<FromWorker>) => receive(event.data);
-        worker.onerror = (event) => receive({ kind: 'failed', name: 'Error', errorKind: '', message: event.message || REFUSED });
+        worker.onerror = (event) => receive({ kind: 'failed', errorKind: null, message: event.message || REFUSED });
         return worker;
     } catch {
-        receive({ kind: 'failed', name: 'Error', errorKind: '', message: REFUSED });
+        receive({ kind: 'failed', errorKind: null, message: REFUSED });
         return null;
     }
 }
