@@ -48,7 +48,7 @@ fn a_file_is_served_as_it_is() {
     let expected =
         json!({ "url": url, "bytes": bytes.len(), "format": "ltgs", "name": "scene.ltgs", "revision": 1 });
     assert_eq!(session["asset"], expected);
-    for none in ["fallback", "photos", "training"] {
+    for none in ["photos", "training"] {
         assert!(session[none].is_null(), "{none}");
     }
     let answer = page.data("asset");

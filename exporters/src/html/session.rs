@@ -1,7 +1,6 @@
 //! What the page is told about the scene it shows: inside a file, or by the program that serves it.
 
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 
 /// Name and version of the object.
 const SCHEMA: &str = "litetex-view/1";
@@ -18,8 +17,6 @@ pub struct Session {
     pub program: String,
     /// The scene; `None` where there is none yet.
     pub asset: Option<SessionAsset>,
-    /// What to show if the scene cannot be drawn; so far always `None`.
-    pub fallback: Option<Value>,
     /// Photos of the capture; `None` if they are not at hand.
     pub photos: Option<Vec<SessionPhoto>>,
     /// The training that the scene comes from.
@@ -100,7 +97,6 @@ impl Session {
             title: title.to_owned(),
             program: concat!("litetex ", env!("CARGO_PKG_VERSION")).to_owned(),
             asset: None,
-            fallback: None,
             photos: None,
             training: None,
         }
