@@ -8,8 +8,10 @@ cd "$(dirname "$0")/.."
 count() { # count NAME PATHSPEC...: tracked files of code
     local name=$1
     shift
-    git ls-files -z -- "$@" | xargs -0 -r cat |
-        awk -v name="$name" '!/^[[:space:]]*($|\/\/|#[^!\[]|#$|\*)/ { lines++ } END { printf "%-28s %6d\n", name, lines }'
+    git ls-files -z -- "$@" | xargs -0 -r awk -v name="$name" '
+        FNR == 1 { comment = FILENAME ~ /\.(rs|wgsl|ts|mjs|glsl)$/ ? "^[[:space:]]*(//|$)" : "^[[:space:]]*(#|$)" }
+        $0 !~ comment { lines++ }
+        END { printf "%-28s %6d\n", name, lines }'
 }
 count "product: src" 'src/*.rs'
 count "product: exporters/src" 'exporters/src/*.rs'
