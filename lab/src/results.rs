@@ -1,4 +1,4 @@
-//! `results.jsonl`: one line per run of a benchmark, documented in `docs/results-schema.md`. A file may end in half a
+//! `results.jsonl`: one line per run of a benchmark, documented in `lab/results-schema.md`. A file may end in half a
 //! line, come from another version or be edited by hand; lines that cannot be used are skipped with a warning.
 
 use crate::{Error, Report, Result, input_file};

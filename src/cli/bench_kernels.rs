@@ -1,5 +1,5 @@
 //! `litetex bench-kernels`: what a training step costs on a GPU. `gpu::bench` measures; this module chooses the scene
-//! and prints the figures. JSON: `docs/bench-kernels-schema.md`.
+//! and prints the figures. JSON: `lab/bench-kernels-schema.md`.
 
 use super::log::Log;
 use super::values::parse_duration_secs;

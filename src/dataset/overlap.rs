@@ -11,7 +11,7 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 /// With fewer training views, what only one of them shows is a large part of the scene: 9 instead of 35 cost 0.8 dB and 6
-/// cost 2.3 dB (docs/stress.md), 12 as little as they vary.
+/// cost 2.3 dB (lab/stress.md), 12 as little as they vary.
 const VIEWS_MIN: usize = 12;
 
 /// A view needs another that shows this share of its points. Over the views of four real captures the smallest share is

@@ -16,7 +16,7 @@ pub struct BenchArgs {
     #[arg(long, short, value_name = "FOLDER")]
     pub(super) out: PathBuf,
     /// Matrix as a TOML file with tables scene (path), variant and budget (name), each with args, and the lists seeds
-    /// and common; docs/results-schema.md shows one. Flags replace what the file says
+    /// and common; lab/results-schema.md shows one. Flags replace what the file says
     #[arg(long, value_name = "FILE", help_heading = "Matrix")]
     pub(super) config: Option<PathBuf>,
     /// Captures: CAPTURE or "NAME: CAPTURE"

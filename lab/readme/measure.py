@@ -1,0 +1,89 @@
+#!/usr/bin/env python3
+"""Measures the files that the README compares: lab/readme/measure.py BINARY CAPTURES WORK
+
+CAPTURES holds the folders `fox` and `flower`, WORK keeps runs and files, so that a second call continues. Each capture is trained
+with and without textures at three budgets. Textured scenes become `.ltgs` files of quality `tiny`; untextured ones, which are
+better where maps are lost, become SPZ files and, by way of PLY and splat-transform, SOG files. SOG is converted back to PLY. Every
+file is rendered from the held-out views and compared with the photos. Writes lab/results/readme.jsonl, a line per file.
+
+Needs Node.js 20 with npm, and the Python packages of tests/third_party/requirements.txt named numpy and pillow.
+"""
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import photos
+
+ROOT = Path(__file__).resolve().parents[2]
+RESULTS = ROOT / "lab/results/readme.jsonl"
+BUDGETS = [75_000, 150_000, 300_000]
+CAPTURES = ["fox", "flower"]
+SETTINGS = ["--max-resolution", "480", "--steps", "1000", "--seed", "1", "--device", "cpu"]
+PACKAGE = "@playcanvas/splat-transform"
+PINNED = json.loads((ROOT / "tests/third_party/package.json").read_text())["dependencies"][PACKAGE]
+# What is made of a scene of each policy.
+FORMATS = {"litetex": ["ltgs"], "plain": ["sog", "spz"]}
+
+
+def run(*command):
+    done = subprocess.run([str(word) for word in command], capture_output=True, text=True)
+    if done.returncode != 0:
+        sys.exit(f"error: {' '.join(map(str, command))}: exit code {done.returncode}\n{done.stderr}")
+    return done.stdout
+
+
+def splat_transform(source, target):
+    run("npx", "--yes", f"{PACKAGE}@{PINNED}", "-w", "-g", "cpu", source, target)
+
+
+def train(binary, capture, policy, budget, folder):
+    """The finished run of a capture, trained unless it is there."""
+    summary = folder / "summary.json"
+    if not summary.exists():
+        run(binary, "-q", "train", capture, "-o", folder, "--force", "--policy", policy, "--budget-params", budget, *SETTINGS)
+    return json.loads(summary.read_text())
+
+
+def write(binary, run_folder, extension, folder):
+    """Writes the scene of a run in a format; returns that file, and one with the same splats that litetex reads."""
+    file = folder / f"scene.{extension}"
+    if extension == "sog":
+        plain, back = folder / "scene.ply", folder / "back.ply"
+        run(binary, "-q", "export", run_folder, "-o", plain, "--force", "--device", "cpu")
+        splat_transform(plain, file)
+        splat_transform(file, back)
+        return file, back
+    quality = ["--quality", "tiny"] if extension == "ltgs" else []
+    run(binary, "-q", "export", run_folder, "-o", file, "--force", "--device", "cpu", *quality)
+    return file, file
+
+
+def score(binary, file, capture, folder):
+    """Quality figures of a file on the photos of the held-out views, which are written into `folder` as well."""
+    renders, targets = folder / f"{file.stem}-{file.suffix[1:]}", folder / "photos"
+    run(binary, "-q", "render", file, "--capture", capture, "--test", "-o", renders, "--force", "--device", "cpu")
+    photos.write_like(capture / "images", renders, targets)
+    return json.loads(run(binary, "compare", renders, targets, "--json", "--device", "cpu"))
+
+
+def main():
+    if len(sys.argv) != 4:
+        sys.exit(__doc__)
+    binary, captures, work = (Path(argument).resolve() for argument in sys.argv[1:])
+    lines = []
+    for name in CAPTURES:
+        for policy, formats in FORMATS.items():
+            for budget in BUDGETS:
+                folder = work / f"{name}-{policy}-{budget}"
+                summary = train(binary, captures / name, policy, budget, folder / "run")
+                for extension in formats:
+                    file, readable = write(binary, folder / "run", extension, folder)
+                    figures = score(binary, readable, captures / name, folder)
+                    lines.append({"capture": name, "policy": policy, "budget_params": budget, "format": extension,
+                                  "bytes": file.stat().st_size, "figures": figures, "settings": SETTINGS, "scene": summary})
+    RESULTS.write_text("".join(json.dumps(line) + "\n" for line in lines))
+
+
+if __name__ == "__main__":
+    main()
