@@ -64,7 +64,7 @@ pub struct LossWeights {
     pub dssim: f32,
     /// Mean squared difference. Default 0 (paper; authors' configuration: 0.03; not measured).
     pub mse: f32,
-    /// Mean over all splats of the opacity of the visible ones. Default 0 (choices 1; CAT and authors' code: 0.01):
+    /// Mean over all splats of the opacity of the visible ones. Default 0 (method 3; CAT and authors' code: 0.01):
     /// the term favours surfaces of many thin layers, each of which has texels.
     pub opacity: f32,
     /// Sum of the absolute residuals over the texels of visible maps. Default 1e-8 (CAT; not measured).

@@ -27,7 +27,7 @@ pub const DENOMINATOR_MIN: f64 = 1e-4;
 /// clipped at the near plane.
 pub const CONIC_MARGIN: f64 = 1e-3;
 
-/// Variance of the low-pass filter in the image (measured: choices 14).
+/// Variance of the low-pass filter in the image (measured: method 2.5).
 pub const FILTER_VARIANCE_PX2: f64 = 0.1;
 
 /// Largest footprint of a pixel along an axis of a texture map, in texels. It bounds the work per sample: maps whose texels are

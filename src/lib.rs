@@ -1,7 +1,7 @@
 //! Textured Gaussian splats: 2D Gaussians, each with its own small RGB texture map, trained from photos with poses.
 //!
 //! `ARCHITECTURE.md` describes modules and data flow, `docs/glossary.md` the terms. "method 6.2" in a comment
-//! cites that section of `docs/method.md`, "choices 2" one of `docs/choices.md`.
+//! cites that section of `docs/method.md`.
 
 pub mod atomic_file;
 pub mod backend;

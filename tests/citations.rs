@@ -48,8 +48,9 @@ fn files() -> Vec<(PathBuf, String)> {
     ]
     .map(|folder| root().join(folder))
     .into();
-    let mut files: Vec<PathBuf> =
-        ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "RELEASING.md"].map(|file| root().join(file)).into();
+    let mut files: Vec<PathBuf> = ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "RELEASING.md"]
+        .map(|file| root().join(file))
+        .into();
     while let Some(folder) = folders.pop() {
         for entry in std::fs::read_dir(&folder).unwrap() {
             let path = entry.unwrap().path();
@@ -141,7 +142,8 @@ fn references(path: &Path, text: &str) -> Vec<String> {
         .map(|word| word.trim_end_matches('.'))
         .filter(|word| {
             let file = word.split('#').next().unwrap_or("");
-            (word.starts_with("docs/") || word.starts_with("lab/") || word.contains("schema/")) && file.ends_with(".md")
+            (word.starts_with("docs/") || word.starts_with("lab/") || word.contains("schema/"))
+                && file.ends_with(".md")
         })
         .map(str::to_owned)
         .collect();

@@ -43,11 +43,11 @@ pub enum StartRule {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
 pub struct FrequencyOptions {
-    /// The first stage shows 1 / beta of the significance. Default 3 (paper, Frequency-Aware Scheduling; choices 11).
+    /// The first stage shows 1 / beta of the significance. Default 3 (paper, Frequency-Aware Scheduling; method 7.2).
     pub beta: f64,
     /// Largest render scale, s_cfg. Default 4 (paper, Frequency-Aware Scheduling).
     pub max_scale: f64,
-    /// Step of the published timetable at which the last stage begins. Default 20,000 (choices 4; paper: the end of
+    /// Step of the published timetable at which the last stage begins. Default 20,000 (method 7.2; paper: the end of
     /// densification, 15,000).
     pub until: u32,
     /// Number of stages, L. Default 32 (paper, Frequency-Aware Scheduling).
@@ -61,7 +61,7 @@ pub struct FrequencyOptions {
     pub max_views: usize,
     /// Whether white noise is removed from the spectra. Default on (method 7.3; not in the paper).
     pub noise_robust: bool,
-    /// How the render scale follows. Default `fractional` (choices 1; paper: `integer`).
+    /// How the render scale follows. Default `fractional` (method 7.4; paper: `integer`).
     pub scale_rule: ScaleRule,
     /// How the texture cap follows. Default `squared` (method 7.4; not measured; authors' code: `authors`).
     pub cap_rule: CapRule,

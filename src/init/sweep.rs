@@ -11,7 +11,7 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 /// Pixels of a training view per point that a capture should have: with many views, and with a few. A point needs others to
-/// confirm it: dense points from four views cost two dB of the test views (choices 13).
+/// confirm it: dense points from four views cost two dB of the test views (method 5.4).
 const PIXELS_PER_POINT: [f64; 2] = [4.0, 25.0];
 /// Pixels per point times number of views, in between.
 const PIXELS_PER_POINT_OF_ONE_VIEW: f64 = 100.0;

@@ -3,7 +3,7 @@
 //!
 //! Every default names its source: the paper, by the title of the section; 3DGS or CAT (content-aware
 //! texturing), whose values the paper inherits; the configuration that the authors published with their code;
-//! a section of `docs/choices.md` ("choices 2") or `docs/method.md` ("method 6.1"); or "not measured".
+//! a section of `docs/method.md` ("method 6.1"), which has the measurement; or "not measured".
 
 use super::density::{Budget, Components, DensityConfig, Spending, Splits};
 use super::policy::{DensityStep, Policy};
@@ -35,13 +35,13 @@ pub enum Exposure {
     Affine,
 }
 
-/// Learning rates for 30,000 steps (method 4.2). Variations of most were measured (choices 2).
+/// Learning rates for 30,000 steps (method 4.2).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
 pub struct RateConfig {
     /// Centres at the first step, local units. Default 1.6e-4 (3DGS).
     pub position: f32,
-    /// The same for random initialisation, where splats have further to go. Default 6.4e-4 (choices 3).
+    /// The same for random initialisation, where splats have further to go. Default 6.4e-4 (method 4.2).
     pub position_random: f32,
     /// Centres at the end of their decay, which is log-linear. Default 1.6e-6 (3DGS).
     pub position_end: f32,
@@ -55,15 +55,15 @@ pub struct RateConfig {
     pub sh_dc: f32,
     /// SH degrees 1 to 3. Default 1.25e-4 (3DGS; not measured).
     pub sh_rest: f32,
-    /// Texels of a 2 x 2 map. Default 7e-4 (authors' configuration; choices 2).
+    /// Texels of a 2 x 2 map. Default 7e-4 (authors' configuration; method 4.2).
     pub texel: f32,
     /// Exponent by which larger maps learn faster: a map of T texels by (T / 4) to this power. Default 0.5
-    /// (gamma in the paper, Resolution-Aware Optimization; choices 11).
+    /// (gamma in the paper, Resolution-Aware Optimization; method 4.2).
     pub texel_growth: f32,
-    /// Largest factor by which a map learns faster. Default 4 (lambda_max, there too; choices 11).
+    /// Largest factor by which a map learns faster. Default 4 (lambda_max, there too; method 4.2).
     pub texel_growth_limit: f32,
     /// Whether runs shorter than the published 30,000 steps use higher rates, see
-    /// [`Schedule::rates`](super::Schedule::rates). Default on (choices 12).
+    /// [`Schedule::rates`](super::Schedule::rates). Default on (method 4.2).
     pub raise_in_short_runs: bool,
 }
 
@@ -94,15 +94,15 @@ pub struct TrainConfig {
     pub steps: u32,
     /// Training time after which the run stops early, evaluation not counted. Default none.
     pub max_time_secs: Option<f64>,
-    /// Seed of everything random. Default 42 (arbitrary; choices 10 has the spread over seeds).
+    /// Seed of everything random. Default 42 (arbitrary; method 5.2 has the spread over seeds).
     pub seed: u64,
     /// Highest SH degree, 0 to 3. Default 3 (3DGS; the paper counts its parameters).
     pub sh_degree: u32,
     /// Whether initialisation is random, which selects [`RateConfig::position_random`]. Set with the initial model.
     pub random_start: bool,
-    /// Allocation of splats and texels. Default `litetex` (choices 5 and 7).
+    /// Allocation of splats and texels. Default `litetex` (method 9.1).
     pub policy: Policy,
-    /// Parts of the method that are on. Default all (choices 6).
+    /// Parts of the method that are on. Default all (method 9.2).
     pub components: Components,
     /// Upper bounds on the model's size. Default none.
     pub budget: Budget,
@@ -110,13 +110,13 @@ pub struct TrainConfig {
     pub density: DensityConfig,
     /// Frequency schedule.
     pub scheduler: FrequencyOptions,
-    /// Whether the initial model gets points from the photos where the capture has few. Default on (choices 13).
+    /// Whether the initial model gets points from the photos where the capture has few. Default on (method 5.4).
     pub sweep: bool,
-    /// Large splats behind the points. Default `auto` (choices 13).
+    /// Large splats behind the points. Default `auto` (method 5.3).
     pub backdrop: Backdrop,
     /// Correction of the photos' exposures. Default `none`.
     pub exposure: Exposure,
-    /// Low-pass filter in the image. Default `ewa` (choices 14; `paper`: none).
+    /// Low-pass filter in the image. Default `ewa` (method 2.5; `paper`: none).
     pub filter: Filter,
     /// Display-space colour behind all splats, 0 to 1. Default black (3DGS).
     pub background: [f32; 3],
@@ -162,7 +162,7 @@ impl Default for TrainConfig {
 
 impl TrainConfig {
     /// Lowest SH degree that a new model may have so that more of its points fit the budget: 1, or that of the run if bands
-    /// are not given back (choices 15).
+    /// are never pruned (method 6.13).
     pub fn least_sh_degree(&self) -> u32 {
         if self.density.sh_below > 0.0 { self.sh_degree.min(1) } else { self.sh_degree }
     }
