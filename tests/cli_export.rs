@@ -148,7 +148,7 @@ fn lossy_files_meet_their_limits_and_plain_formats_keep_colours() {
         assert!(size("tight.ltgs") <= bound, "{} for {bound}", size("tight.ltgs"));
         bound = size("tight.ltgs");
     }
-    // The closed loop's file keeps the same promise, which writing verifies, and is never the larger one.
+    // The closed loop's file keeps the same limits, which writing verifies, and is never the larger one.
     let closed = at("closed.ltgs");
     good(&[
         "export",
@@ -163,10 +163,10 @@ fn lossy_files_meet_their_limits_and_plain_formats_keep_colours() {
         "cpu",
     ]);
     assert!(size("closed.ltgs") <= size("d.ltgs"));
-    // More may be lost than any quality promises, if that is what was requested.
+    // More may be lost than any quality allows, if that is what was requested.
     let coarse = at("coarse.ltgs");
     good(&["export", text(run), "-o", text(&coarse), "--max-loss", "1dB", "--device", "cpu"]);
-    // Such a file promises nothing, and is held to what verify is asked.
+    // Such a file guarantees nothing, and is held to what verify is asked.
     assert_eq!(json(&["inspect", text(&coarse)])["quality"], "custom");
     let verify = ["verify", text(&coarse), "--against", text(run), "--device", "cpu"];
     assert!(good(&verify).contains("this quality has no limits"));

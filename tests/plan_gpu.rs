@@ -1,5 +1,5 @@
 //! Density-control plans and window statistics on the wgpu backend: as on the CPU backend, bit for bit where that is
-//! promised.
+//! specified.
 #![cfg(feature = "gpu")]
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 

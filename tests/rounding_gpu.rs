@@ -23,7 +23,7 @@ fn files_are_rounded_alike_on_every_driver() {
     let asset = bake(&scene.model, vec![camera], [0.2, 0.4, 0.1], Default::default(), &mut Report::default());
     let baked = |seen: usize| {
         let mut asset = asset.clone();
-        // What only some splats are worth to images: the others are nearly transparent.
+        // What images owe to only some splats: the others are nearly transparent.
         asset.opacities[seen..].iter_mut().for_each(|opacity| *opacity = 0.01);
         BakedScene { asset, path: "scene".into(), contents: None }
     };

@@ -106,7 +106,7 @@ impl Default for ReadLimits {
 /// How bad an issue is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Severity {
-    /// Allowed, but worth knowing.
+    /// Allowed, but good to know.
     Info,
     /// Some programs will not show the file as meant.
     Warning,

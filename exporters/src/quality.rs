@@ -10,7 +10,7 @@ pub enum Quality {
     Balanced,
     /// Loses at most 0.1 dB on average.
     Tiny,
-    /// Rounded to a size or loss that the user chose, or not measured: promises nothing.
+    /// Rounded to a size or loss that the user chose, or not measured: nothing is guaranteed.
     Custom,
 }
 

@@ -1,4 +1,4 @@
-//! Every valid asset round-trips through every format: bit for bit where promised, within bounds elsewhere. Every damaged
+//! Every valid asset round-trips through every format: bit for bit where the format guarantees it, within bounds elsewhere. Every damaged
 //! file gives an error or a valid asset.
 
 use litetex_exporters::{

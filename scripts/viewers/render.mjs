@@ -5,7 +5,7 @@
 // JOBS.json: `[{name, program, file, options, camera}]`. `program` names a module beside this file, `file` what it loads, and
 // `camera` is `{width, height, worldFromCamera, window: {left, right, bottom, top}, near}`: a column-major matrix of a camera that
 // looks along -z with y up, and its image at depth 1. Writes OUT/NAME.png for each job, and OUT/report.json with what failed and, for jobs
-// with `times`, milliseconds of so many images.
+// with `times`, milliseconds of that many images.
 
 import { createReadStream, existsSync, mkdirSync, readFileSync, writeFileSync } from 'node:fs';
 import { createServer } from 'node:http';

@@ -12,7 +12,7 @@ const FOCAL_BOUNDS: (f64, f64) = (0.1, 30.0);
 /// Largest ratio of the focal lengths along x and y, or its inverse: pixels are almost square.
 const MAX_PIXEL_ASPECT: f64 = 2.0;
 
-/// Photos may be so many times smaller than their camera says; reduced copies are 2 to 8 times smaller.
+/// Photos may be this many times smaller than their camera says; reduced copies are 2 to 8 times smaller.
 const MAX_REDUCTION: f64 = 32.0;
 
 /// Sides below the window of SSIM say little.

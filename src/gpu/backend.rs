@@ -154,7 +154,7 @@ impl Backend for GpuBackend {
     }
 
     fn read_back(&mut self) -> Result<(Model, AdamState)> {
-        // Works after refused commands too: the steps applied before are intact, and worth saving.
+        // Works after refused commands too: the steps applied before are intact, and can be saved.
         self.check_model()?;
         if !self.in_flight.is_empty() {
             let statuses: Vec<Status> =

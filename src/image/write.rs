@@ -77,7 +77,7 @@ pub fn write_png(
     atomic_file::write(path, &bytes)
 }
 
-/// Quality of JPEG files in reports: good enough to judge a render by eye.
+/// Quality of JPEG files in reports: good enough to look at a render.
 pub const JPEG_QUALITY: u8 = 85;
 
 /// Writes a JPEG file. `rgb`: `[height, width, 3]`

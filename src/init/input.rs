@@ -11,9 +11,9 @@ use std::path::Path;
 pub enum InitPoints<'a> {
     /// At these points.
     Sparse(&'a [SfmPoint]),
-    /// At so many random points in the views.
+    /// At this many random points in the views.
     Random(usize),
-    /// The capture has none: finds them in the photos, or else draws so many at random.
+    /// The capture has none: finds them in the photos, or else draws this many at random.
     Missing(usize),
 }
 

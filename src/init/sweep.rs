@@ -45,7 +45,7 @@ const DEPTHS_TRIED: (f64, f64) = (32.0, 192.0);
 const MATCH_MIN: f32 = 0.85;
 const MATCH_LEAD: f32 = 0.05;
 
-/// Depths whose images lie within so many pixels of the best one belong to the same peak.
+/// Depths whose images lie within this many pixels of the best one belong to the same peak.
 const PEAK_RADIUS_PX: f64 = 3.0;
 
 /// Without a match, a ray's point is put on the plane through the nearest matches of its view: as many, within this share
@@ -61,7 +61,7 @@ pub(super) fn wanted_points(input: &InitInput<'_>, options: &InitOptions) -> usi
     points_for(per_view, views.len()).min(options.max_points)
 }
 
-/// Points for so many views of this many pixels each.
+/// Points for this number of views of this many pixels each.
 pub(super) fn points_for(pixels: f64, num_views: usize) -> usize {
     let [dense, sparse] = PIXELS_PER_POINT;
     let pixels_per_point = (PIXELS_PER_POINT_OF_ONE_VIEW / num_views.max(1) as f64).clamp(dense, sparse);

@@ -29,7 +29,7 @@ pub struct ModelSize {
 }
 
 impl ModelSize {
-    /// Splats of one SH degree with a map of so many texels each (0: without maps).
+    /// Splats of one SH degree with a map of this many texels each (0: without maps).
     pub fn uniform(splats: usize, texels_each: usize, sh_degree: u32) -> Self {
         Self {
             splats,

@@ -7,10 +7,10 @@ use super::stress::StressKind as Kind;
 use crate::camera::{Pinhole, RigidTransform};
 use glam::{DMat3, DQuat, DVec3};
 
-/// Every so many views one is a test view.
+/// Of this many views, one is a test view.
 const TEST_EVERY: usize = 8;
 
-/// Every so many training views the figure walks through one.
+/// Of this many training views, the figure walks through one.
 const WALKER_EVERY: usize = 5;
 
 /// Sides of cropped photos, relative to the whole, in turn.

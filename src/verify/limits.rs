@@ -21,7 +21,7 @@ impl QualityLimits {
     /// No limit at all.
     pub const NONE: Self = Self { exact: false, max_loss_db: None, max_loss_worst_db: None, min_psnr: None };
 
-    /// What a quality promises.
+    /// What a quality guarantees.
     pub fn of(quality: Quality) -> Self {
         let bounded = |mean, worst, psnr| Self {
             exact: false,
@@ -37,7 +37,7 @@ impl QualityLimits {
         }
     }
 
-    /// What a file that was read has to keep: the promise of the quality it states, else that of its format.
+    /// What a file that was read has to keep: the limits of the quality it states, else those of its format.
     pub fn of_file(path: &Path, contents: &Contents) -> Self {
         match contents.quality {
             Some(quality) => Self::of(quality),

@@ -31,7 +31,7 @@ const PSNR_MARGIN: f64 = 0.2;
 /// What a `.ltgs` file should keep to.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RateGoal {
-    /// The quality whose steps are scaled, and whose promise holds unless one of the bounds below is given.
+    /// The quality whose steps are scaled, and whose limits hold unless one of the bounds below is given.
     pub quality: Quality,
     /// Largest size of the file.
     pub max_bytes: Option<u64>,
@@ -42,12 +42,12 @@ pub struct RateGoal {
 }
 
 impl RateGoal {
-    /// The goal of a file that keeps what its quality promises.
+    /// The goal of a file that keeps the limits of its quality.
     pub fn without_bounds(self) -> Self {
         Self { max_bytes: None, max_loss_db: None, ..self }
     }
 
-    /// About how many views [`find_rounding`] renders for a scene with so many training views, and views in all.
+    /// About how many views [`find_rounding`] renders for a scene with this many training views, and views in all.
     pub fn views_to_render(&self, training: usize, all: usize) -> usize {
         if self.quality == Quality::Lossless || training == 0 {
             return 0;
@@ -57,7 +57,7 @@ impl RateGoal {
         if self.max_bytes.is_some() {
             return before + 2 * confirmations;
         }
-        // What the file promises, where a bound replaces the promise of its quality.
+        // What the file guarantees, where a bound replaces the limits of its quality.
         let found = if self.max_loss_db.is_some() { 2 * confirmations } else { 0 };
         let closed =
             if self.passes == 0 { 0 } else { (1 + self.passes as usize) * measured + 3 * confirmations };
@@ -84,7 +84,7 @@ pub struct Backends<'a> {
 /// How the numbers of a file are rounded.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rounding {
-    /// The quality whose promise the file keeps.
+    /// The quality whose limits the file keeps.
     pub quality: Quality,
     /// Quantisation steps; `None` for a lossless file.
     pub steps: Option<Steps>,
@@ -308,7 +308,7 @@ impl<'a> Search<'a> {
         Ok(Some(factor))
     }
 
-    /// The best quality whose promise the steps keep at all views.
+    /// The best quality whose limits the steps keep at all views.
     fn quality_of(&mut self, adapted: &SplatAsset, steps: &Steps) -> Result<Quality> {
         for quality in [Quality::Balanced, Quality::Tiny] {
             if self.keeps_everywhere(adapted, steps, &QualityLimits::of(quality))? {

@@ -9,14 +9,14 @@ use litetex_exporters::spz::{ShBits, SpzOptions, decode_spz, encode_spz};
 use litetex_exporters::{AssetCamera, Quality, ReadLimits, SplatAsset};
 use std::path::Path;
 
-/// About how many views [`find_sh_bits`] renders for a scene with so many training views.
+/// About how many views [`find_sh_bits`] renders for a scene with this many training views.
 pub fn sh_bits_views(asset: &SplatAsset, quality: Quality, training: usize) -> usize {
     // Bits from 8 down to 5, then those of the higher degrees once more.
     let renders = if asset.sh_degree == 0 || quality == Quality::Lossless { 0 } else { 6 };
     renders * training.min(EXPORT_VIEWS)
 }
 
-/// The fewest bits with which rounding the SH coefficients alone keeps what the quality promises, against the untextured scene:
+/// The fewest bits with which rounding the SH coefficients alone keeps the limits of the quality, against the untextured scene:
 /// the same for all degrees, then fewer for those above 1. `Lossless` takes all bits. `open` makes the renderer if it is needed.
 ///
 /// # Errors
@@ -57,7 +57,7 @@ pub fn find_sh_bits<'a>(
     Ok(found)
 }
 
-/// The scene with the SH coefficients above degree 0 of a file with so many bits.
+/// The scene with the SH coefficients above degree 0 of a file with this many bits.
 fn with_rounded_sh(untextured: &SplatAsset, sh_bits: ShBits) -> Result<SplatAsset> {
     let options = SpzOptions { sh_bits, ..SpzOptions::default() };
     let (bytes, _) = encode_spz(untextured, &options)?;

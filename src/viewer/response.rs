@@ -93,7 +93,7 @@ impl<'a> Response<'a> {
     }
 }
 
-/// Copies exactly so many bytes.
+/// Copies exactly this many bytes.
 fn send(mut body: Box<dyn Read + '_>, num_bytes: u64, stream: &mut TcpStream) -> io::Result<()> {
     let mut piece = vec![0; PIECE_BYTES.min(num_bytes as usize)];
     let mut left = num_bytes;

@@ -121,7 +121,7 @@ impl RunRecord {
 /// Whether every kind of change to splats and maps occurred.
 pub fn is_all_done(counts: &DensityCounts) -> bool {
     let DensityCounts { pruned, faded, split, respawned, refined, coarsened, shaded_less, .. } = *counts;
-    // Nothing is taken back without `need_db`, and budgets need not be tight.
+    // Nothing is undone without `need_db`, and budgets need not be tight.
     [pruned + faded, split, respawned, refined, coarsened, shaded_less].iter().all(|&c| c > 0)
 }
 

@@ -1,4 +1,4 @@
-//! Compares how backends apply density-control plans: bit for bit where that is promised.
+//! Compares how backends apply density-control plans: bit for bit where that is specified.
 
 use litetex_gs::backend::{Backend, DensityPlan, MapChange};
 use litetex_gs::model::{AdamState, Model};

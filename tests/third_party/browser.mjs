@@ -78,7 +78,7 @@ function contentOf(path, jobs, files) {
     return isSplats ? widened(readFileSync(file, 'utf8'), Number(sigmas)) : readFileSync(file);
 }
 
-/** Serves the page, three.js and the files; resolves with the server and a promise of the page's report. */
+/** Serves the page, three.js and the files; resolves with the server and the page's report, once it comes. */
 function serve(jobs, files, out) {
     let server;
     const report = new Promise((resolve, reject) => {

@@ -42,7 +42,7 @@ pub struct Header {
     pub num_chunks: u32,
     /// Largest SH degree of a splat, 0 to 3.
     pub sh_degree: u32,
-    /// Kind of the streams, and what the file promises.
+    /// Kind of the streams, and what the file guarantees.
     pub quality: Quality,
     /// Bytes of the metadata in the file.
     pub meta_bytes: u32,

@@ -26,7 +26,7 @@ pub struct PlannedChunk {
     pub splats: Range<usize>,
 }
 
-/// The chunks of layers with so many splats each.
+/// The chunks of layers with these numbers of splats.
 pub fn chunks(layers: &[usize]) -> Vec<PlannedChunk> {
     let mut all = Vec::new();
     let mut first = 0;
@@ -87,7 +87,7 @@ fn estimated(asset: &SplatAsset) -> Vec<f32> {
     (0..asset.num_splats()).map(of).collect()
 }
 
-/// Pixels that a splat covers in a view; 0 if its centre is not in sight.
+/// Pixels that a splat covers in a view; 0 if its centre is not visible.
 fn area_px(asset: &SplatAsset, splat: usize, area: f64, camera: &AssetCamera) -> f64 {
     let turn = |v: [f64; 3]| camera.rotation_rows.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2]);
     let mut centre = turn(asset.positions[splat].map(f64::from));

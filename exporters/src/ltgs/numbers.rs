@@ -132,7 +132,7 @@ pub struct NumberWriter {
 }
 
 impl NumberWriter {
-    /// A stream without numbers, which will have so many contexts each, at most two.
+    /// A stream without numbers, which will have this many contexts each, at most two.
     pub fn new(contexts: usize) -> Self {
         Self { encoder: Encoder::new(), model: AnyModel::new(contexts), count: 0 }
     }

@@ -92,7 +92,7 @@ fn snapped(log2: f64) -> f64 {
     (8.0 * log2).round() / 8.0
 }
 
-/// The origin is a multiple of so many finest steps, so that decoded positions, none of which lie before it, have the same.
+/// The origin is a multiple of this many finest steps, so that decoded positions, none of which lie before it, have the same.
 const ORIGIN_STEPS: f64 = 4096.0;
 
 /// Sets origin and bits of a cube of finest steps that holds all positions.

@@ -7,7 +7,7 @@ use super::splats::SplatCodes;
 use super::steps::Quantiser;
 use crate::{Error, Result};
 
-/// The lower part of a gap has so many bits.
+/// The lower part of a gap has this many bits.
 const GAP_BITS: u32 = 31;
 
 impl SplatCodes {

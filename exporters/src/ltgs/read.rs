@@ -307,7 +307,7 @@ fn check_texels(asset: &SplatAsset, entry: &Entry) -> Result<()> {
     Err(Error::invalid("", what))
 }
 
-/// Bytes of the arrays to which so many splats and texels of a file decode.
+/// Bytes of the arrays to which this many splats and texels of a file decode.
 fn decoded_bytes(header: &Header, splats: u64, texels: u64) -> u64 {
     // Both are bounded by the header.
     splat_bytes(header.sh_degree) * splats + 12 * texels

@@ -33,7 +33,7 @@ pub struct Steps {
 
 impl Steps {
     /// Steps for [`crate::Quality::Balanced`] where no renders tell how much each number counts: fine enough for
-    /// scenes of random splats to keep its promise.
+    /// scenes of random splats to keep within its limit.
     pub fn balanced() -> Self {
         Self {
             position: 0.002,

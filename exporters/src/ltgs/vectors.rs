@@ -24,7 +24,7 @@ impl Stream {
         Self { name, numbers, contexts }
     }
 
-    /// The coded bytes with so many contexts beyond the first.
+    /// The coded bytes with this many contexts beyond the first.
     fn coded(&self, beyond: usize) -> Vec<u8> {
         let mut writer = NumberWriter::new(beyond);
         for (i, &number) in self.numbers.iter().enumerate() {
@@ -33,7 +33,7 @@ impl Stream {
         writer.finish().1
     }
 
-    /// The entry for so many contexts beyond the first; numbers of long streams follow from the generator.
+    /// The entry for this many contexts beyond the first; numbers of long streams follow from the generator.
     fn entry(&self, beyond: usize) -> Value {
         let bytes = self.coded(beyond);
         let mut entry = json!({ "name": self.name, "count": self.numbers.len() });

@@ -144,7 +144,7 @@ pub fn quantised(asset: &SplatAsset, steps: &Steps, per_splat: PerSplat<'_>) -> 
     Ok(rounded_valid(&oriented(asset), steps, per_splat)?.asset)
 }
 
-/// Calls `of_chunk` with each chunk of layers with so many splats, in parallel; returns the results in order.
+/// Calls `of_chunk` with each chunk of layers with these numbers of splats, in parallel; returns the results in order.
 fn map_chunks<T: Send>(
     layers: &[usize],
     of_chunk: impl Fn(PlannedChunk) -> Result<T> + Sync,

@@ -1,4 +1,4 @@
-//! Checks PLY files for problems worth reporting. The rules are those of `plain.rs`.
+//! Checks PLY files for problems. The rules are those of `plain.rs`.
 
 use super::COMMENT_2DGS;
 use super::read::Columns;

@@ -70,7 +70,7 @@ impl Header {
         [position, 1, 3, 3, rotation, 3 * (num_sh_coefficients(self.sh_degree) - 1)]
     }
 
-    /// Bytes of the streams, after checking that a file of `file_bytes` may hold so many.
+    /// Bytes of the streams, after checking that a file of `file_bytes` may hold that many.
     ///
     /// # Errors
     /// [`Error::TooLarge`].

@@ -1,4 +1,4 @@
-//! Checks SPZ files for problems worth reporting. The rules are those of `plain.rs`.
+//! Checks SPZ files for problems. The rules are those of `plain.rs`.
 
 use super::read::decode_spz;
 use crate::plain::{Check, Raw, unreadable};

@@ -330,7 +330,7 @@ fn html_files(add: Add<'_>) {
     }
 }
 
-/// Pages of so many bytes of beginnings of comments, elements, ends and attributes.
+/// Pages of this many bytes of beginnings of comments, elements, ends and attributes.
 fn many_tags(num_bytes: usize) -> [(&'static str, Vec<u8>); 4] {
     let page = |first: &str, what: &str, last: &str| {
         [first, &what.repeat(num_bytes / what.len()), last].concat().into_bytes()

@@ -9,7 +9,7 @@ export interface Opened {
     close(): void;
 }
 
-/** Reads a `.ltgs` or `.glb` file in a worker, layer by layer. `maxSplats`: only so many, those that contribute most. */
+/** Reads a `.ltgs` or `.glb` file in a worker, layer by layer. `maxSplats`: at most this many, those that contribute most. */
 export function openScene(
     source: Source, onInfo: (info: SceneInfo) => void, onUpdate: (update: SplatUpdate) => void, maxSplats = Infinity,
 ): Opened {

@@ -13,7 +13,7 @@
  * | `view` | name of the camera to begin at; default: the home view |
  * | `background` | `#rrggbb`, `transparent`, or `scene` (default): that of the file |
  * | `colours` | `trained` (default), `untextured`, `texels`, `degree`, `depth` |
- * | `max-splats` | shows only so many, those that contribute most |
+ * | `max-splats` | shows at most this many, those that contribute most |
  * | `loading` | `eager` (default) or `lazy`: once it comes into sight |
  *
  * Events: `load`; `progress` (a ProgressEvent: `loaded` and `total` bytes); `error` (an ErrorEvent: `message`, `error`); `camera-change`.

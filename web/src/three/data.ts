@@ -7,7 +7,7 @@ import { GpuScene, type VersionedUpdate } from './gpu';
 import { Orders } from './orders';
 
 export interface SplatsOptions {
-    /** Shows only so many splats, the first ones, which contribute most in files with layers. Default: all. */
+    /** Shows at most this many splats, the first ones, which contribute most in files with layers. Default: all. */
     readonly maxSplats?: number;
     /** Bits of colours and texels on the GPU: `half` (default) or `full`. */
     readonly precision?: Precision;

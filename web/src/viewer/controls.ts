@@ -50,7 +50,7 @@ export class Controls {
         return this.pressed.size > 0 || this.pointers.size > 0;
     }
 
-    /** Moves by the keys held for so many seconds. Returns whether the pose changed. */
+    /** Moves by the keys held for this many seconds. Returns whether the pose changed. */
     advance(secs: number): boolean {
         const pose = this.pose();
         if (!pose || !this.enabled || this.pressed.size === 0) return false;

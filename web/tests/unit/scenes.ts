@@ -17,7 +17,7 @@ export interface Outcome {
     error: unknown;
 }
 
-/** Reads a scene to the end or to an error. `pieceBytes`: it arrives in pieces of so many bytes. */
+/** Reads a scene to the end or to an error. `pieceBytes`: it arrives in pieces of this many bytes. */
 export async function outcomeOf(bytes: Uint8Array, options: ReadOptions = {}, pieceBytes?: number): Promise<Outcome> {
     const scene = new SceneSplats();
     const outcome: Outcome = { info: null, splats: null, updates: [], warnings: [], error: null };

@@ -9,7 +9,7 @@ const EXPANSION_MAX = 1040;
 const DECODED_MAX = 2 ** 32;
 
 /**
- * Refuses what would decode to more memory than so many bytes of a file may take. Neutral texels compress a thousandfold, so a
+ * Refuses what would decode to more memory than this many bytes of a file may take. Neutral texels compress a thousandfold, so a
  * ratio alone would refuse valid files.
  */
 export function checkMemory(splats: number, texels: number, shDegree: number, fileBytes: number): void {

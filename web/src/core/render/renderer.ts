@@ -15,7 +15,7 @@ export interface RendererOptions {
     target?: TargetFormat | 'canvas';
     /** Called when another order is there, so that an image should be drawn. */
     onOrder?: () => void;
-    /** Shows only so many splats, those that contribute most: for weak devices. */
+    /** Shows at most this many splats, those that contribute most: for weak devices. */
     maxSplats?: number;
     /** For measurements: what stands before the fragment shader, `#define COUNT_FRAGMENTS` or `#define COUNT_DRAWN`. */
     defines?: string;

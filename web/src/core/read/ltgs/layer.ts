@@ -3,7 +3,7 @@ import { checkSplats } from '../check';
 import { concatenate, firstOf } from '../splats';
 import { type Geometry, type Sh, type Texels, splatsOf } from './chunk';
 
-/** The part of a layer's chunks that is worth an update that gives splats again. */
+/** The part of a layer's chunks that justifies an update that gives splats again. */
 const SHARE = 1 / 8;
 
 /** What is there of a chunk. */
