@@ -3,8 +3,8 @@
 
 CAPTURES holds the folders `fox` and `flower`, WORK keeps runs and files, so that a second call continues. Each capture is trained
 with and without textures at three budgets. Textured scenes become `.ltgs` files of quality `tiny`; untextured ones, which are
-better where maps are lost, become SPZ files and, by way of PLY and splat-transform, SOG files. SOG is converted back to PLY. Every
-file is rendered from the held-out views and compared with the photos. Writes lab/results/readme.jsonl, a line per file.
+better where maps are lost, become SPZ files and, by way of PLY and splat-transform, SOG files; SOG is converted back to be rendered.
+Every file is rendered from the held-out views and compared with the photos. Writes lab/results/readme.jsonl, a line per file.
 
 Needs Node.js 20 with npm, and the Python packages of tests/third_party/requirements.txt named numpy and pillow.
 """
@@ -24,6 +24,8 @@ PACKAGE = "@playcanvas/splat-transform"
 PINNED = json.loads((ROOT / "tests/third_party/package.json").read_text())["dependencies"][PACKAGE]
 # What is made of a scene of each policy.
 FORMATS = {"litetex": ["ltgs"], "plain": ["sog", "spz"]}
+# What is kept of the summary of a run.
+KEPT = ["version", "device", "capture", "seed", "steps", "profile", "policy", "quality", "size", "time"]
 
 
 def run(*command):
@@ -45,15 +47,26 @@ def train(binary, capture, policy, budget, folder):
     return json.loads(summary.read_text())
 
 
+def with_filter(binary, plain, folder):
+    """The splats of a PLY file, which cannot say so, with the low-pass filter that they were trained with."""
+    file = folder / "filtered.gltf"
+    run(binary, "-q", "convert", plain, "-o", file, "--quality", "lossless", "--no-verify", "--force", "--device", "cpu")
+    text = file.read_text()
+    if text.count('"filter":"none"') != 1:
+        sys.exit(f"error: {file}: found no filter to set")
+    file.write_text(text.replace('"filter":"none"', '"filter":"ewa"'))
+    return file
+
+
 def write(binary, run_folder, extension, folder):
-    """Writes the scene of a run in a format; returns that file, and one with the same splats that litetex reads."""
+    """Writes the scene of a run in a format; returns that file, and one with the same splats that litetex renders."""
     file = folder / f"scene.{extension}"
     if extension == "sog":
         plain, back = folder / "scene.ply", folder / "back.ply"
         run(binary, "-q", "export", run_folder, "-o", plain, "--force", "--device", "cpu")
         splat_transform(plain, file)
         splat_transform(file, back)
-        return file, back
+        return file, with_filter(binary, back, folder)
     quality = ["--quality", "tiny"] if extension == "ltgs" else []
     run(binary, "-q", "export", run_folder, "-o", file, "--force", "--device", "cpu", *quality)
     return file, file
@@ -62,7 +75,7 @@ def write(binary, run_folder, extension, folder):
 def score(binary, file, capture, folder):
     """Quality figures of a file on the photos of the held-out views, which are written into `folder` as well."""
     renders, targets = folder / f"{file.stem}-{file.suffix[1:]}", folder / "photos"
-    run(binary, "-q", "render", file, "--capture", capture, "--test", "-o", renders, "--force", "--device", "cpu")
+    run(binary, "-q", "render", file, "--capture", capture, "--test", "--size", "480", "-o", renders, "--force", "--device", "cpu")
     photos.write_like(capture / "images", renders, targets)
     return json.loads(run(binary, "compare", renders, targets, "--json", "--device", "cpu"))
 
@@ -81,7 +94,8 @@ def main():
                     file, readable = write(binary, folder / "run", extension, folder)
                     figures = score(binary, readable, captures / name, folder)
                     lines.append({"capture": name, "policy": policy, "budget_params": budget, "format": extension,
-                                  "bytes": file.stat().st_size, "figures": figures, "settings": SETTINGS, "scene": summary})
+                                  "bytes": file.stat().st_size, "figures": figures, "settings": SETTINGS,
+                                  "scene": {key: summary[key] for key in KEPT}})
     RESULTS.write_text("".join(json.dumps(line) + "\n" for line in lines))
 
 
