@@ -2,7 +2,7 @@
 """Makes hard captures of good ones, as people would take them, and the matrix that benches them.
 
     scripts/casual_captures.py OUT fox=captures/fox bonsai=captures/bonsai
-    litetex bench --config OUT/matrix.toml -o bench/casual
+    litetex-lab bench --config OUT/matrix.toml -o bench/casual
 
 Of each COLMAP capture: every 3rd and every 6th training view ("third", "sixth"), the last fifth of the views held out
 ("block"), 300 points ("points"), training photos with drifting exposure and white balance ("drift", needs Pillow).

@@ -29,11 +29,12 @@ fn commands_of_help() -> Vec<(String, String)> {
 }
 
 #[test]
-fn the_readme_lists_the_commands_as_the_help_does() {
-    let readme = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("README.md")).unwrap();
+fn the_documentation_lists_the_commands_as_the_help_does() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/commands.md");
+    let text = std::fs::read_to_string(file).unwrap();
     let commands = commands_of_help();
-    assert_eq!(commands.len(), 20, "{commands:?}");
-    let section = readme.split("## Commands").nth(1).unwrap().split("## ").next().unwrap();
+    assert_eq!(commands.len(), 17, "{commands:?}");
+    let section = text.split("## `litetex`\n").nth(1).unwrap().split("## ").next().unwrap();
     let rows: Vec<(String, String)> = section
         .lines()
         .filter_map(|l| l.strip_prefix("| `")?.strip_suffix(" |")?.split_once("` | "))
@@ -89,10 +90,6 @@ fn usage_errors_exit_with_2_and_say_what_to_do() {
         (&["train", here, "-o", "x", "--format", "fbx"], "reality-capture"),
         (&["train", here, "-o", "x", "--image-cache", "big"], "4GiB"),
         (&["train", here, "--resume"], "--out"),
-        (&["bench", "-o", "x"], "--scene"),
-        (&["bench", "-o", "x", "--scene", here, "--seeds", "1,x"], "5-8"),
-        (&["bench", "-o", "x", "--scene", here, "--shard", "3/2"], "1/3"),
-        (&["bench", "-o", "x", "--scene", here, "--variant", "a: --colour red"], "--colour"),
         (&["render", here, "-o", "x"], "--orbit"),
         (&["render", here, "-o", "x", "--test", "--orbit", "3"], "--orbit"),
         (&["devices", "--threads", "0"], "--threads"),
@@ -124,7 +121,6 @@ fn wrong_input_exits_with_3_and_leaves_no_run_behind() {
     std::fs::create_dir(path("empty")).unwrap();
     std::fs::write(path("broken.safetensors"), "no tensors here").unwrap();
     std::fs::write(path("broken.ply"), "plyish").unwrap();
-    std::fs::write(path("empty.jsonl"), "").unwrap();
     std::fs::write(path("bad.toml"), "[train]\nstps = 3\n").unwrap();
     let (nowhere, empty, run_dir) = (path("nowhere"), path("empty"), path("run"));
     for (arguments, parts) in [
@@ -139,10 +135,6 @@ fn wrong_input_exits_with_3_and_leaves_no_run_behind() {
         (vec!["eval", &nowhere], vec!["nowhere: no such file or folder; check the path\n"]),
         (vec!["eval", &path("broken.safetensors")], vec!["broken.safetensors", "safetensors file"]),
         (vec!["render", &empty, "--test", "-o", &run_dir], vec!["no checkpoint"]),
-        (vec!["chart", &nowhere, "-o", &run_dir], vec!["nowhere"]),
-        (vec!["chart", &path("broken.ply"), "-o", &run_dir], vec!["broken.ply", "litetex bench"]),
-        (vec!["chart", &path("empty.jsonl"), "-o", &run_dir], vec!["empty.jsonl", "it is empty"]),
-        (vec!["bench", "--config", &path("bad.toml"), "-o", &run_dir], vec!["bad.toml", "train"]),
         (vec!["inspect", &nowhere], vec!["nowhere"]),
         (vec!["inspect", &path("broken.ply")], vec!["broken.ply"]),
     ] {
@@ -187,18 +179,12 @@ fn foreign_folders_and_files_are_refused_before_anything_is_read() {
         &["sample", here],
         &["quickstart", "-o", here],
         &["eval", "/nowhere", "-o", here],
-        &["bench", "--scene", "/nowhere", "-o", here],
-        &["chart", "/nowhere", "-o", here],
         &["train", "/nowhere", "-o", here, "--force"],
         &["quickstart", "-o", here, "--force"],
     ] {
         let (code, _, stderr) = run(arguments);
         assert_eq!(code, 2, "{arguments:?}: {stderr}");
         assert!(stderr.contains("not empty"), "{stderr}");
-    }
-    if cfg!(feature = "gpu") {
-        let (code, _, stderr) = run(&["bench-kernels", "--json", note.to_str().unwrap()]);
-        assert!(code == 2 && stderr.contains("--force"), "{stderr}");
     }
     assert_eq!(std::fs::read_to_string(&note).unwrap(), "mine");
     assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1);
@@ -321,7 +307,7 @@ fn non_unicode_paths_never_panic() {
         &[&"inspect", &run_dir, &"--json"],
         &[&"inspect", &glb, &"--json"],
         &[&"inspect", &capture, &"--json"],
-        &[&"schedule", &capture, &"--json", &"--svg", &at("chart.svg")],
+        &[&"schedule", &capture, &"--json"],
     ];
     for arguments in of_run {
         let (code, stdout, stderr) = command(arguments);

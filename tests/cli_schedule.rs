@@ -96,53 +96,6 @@ fn rules_change_the_schedule_and_threads_do_not() {
 }
 
 #[test]
-fn charts_are_complete_and_not_replaced_without_force() {
-    let place = Place::new();
-    let chart = place.path("chart.svg");
-    place.schedule(&["--svg", &chart]);
-    let text = fs::read_to_string(&chart).unwrap();
-    assert!(text.starts_with("<svg ") && text.ends_with("</svg>\n") && !text.contains("NaN"), "{text}");
-    assert!(text.contains("prefers-color-scheme:dark"));
-    assert!(text.contains("Frequency schedule of capture") && text.contains(">20k<"));
-    // Both panels mark 15,000 and 20,000 of 30,000 steps, at the same places.
-    let number = |line: &str, key: &str| -> f64 {
-        line.split(&format!(" {key}=\"")).nth(1).unwrap().split('"').next().unwrap().parse().unwrap()
-    };
-    let x_of = |part: &str, key: &str| -> Vec<f64> {
-        text.lines().filter(|l| l.contains(part)).map(|l| number(l, key)).collect()
-    };
-    let (events, ticks) = (x_of("<line class=\"lt-event\"", "x1"), [">10k<", ">20k<"].map(|t| x_of(t, "x")));
-    assert_eq!(events.len(), 4);
-    assert_eq!(events[..2], events[2..]);
-    let [ten, twenty] = ticks.map(|x| x[0]);
-    assert!((events[0] - 0.5 * (ten + twenty)).abs() < 0.2 && (events[1] - twenty).abs() < 0.2, "{events:?}");
-    for (event, meaning) in [(0, "densification ends"), (1, "full size from here")] {
-        let words = x_of(meaning, "x");
-        assert!(words.len() == 1 && (words[0] - events[event] - 6.0).abs() < 0.2, "{meaning}: {words:?}");
-    }
-    let again = ["schedule", &place.path("capture"), "--svg", &chart, "--steps", "600"];
-    let (code, stdout, stderr) = run(&again);
-    assert!(code == 2 && stdout.is_empty() && stderr.contains("--force"), "{code} {stderr}");
-    assert_eq!(fs::read_to_string(&chart).unwrap(), text);
-    ok(&[&again[..], &["--force"]].concat());
-    assert!(fs::read_to_string(&chart).unwrap().contains(">600<"));
-    // The capture and the chart, nothing half-written.
-    assert_eq!(fs::read_dir(place.0.path()).unwrap().count(), 2);
-}
-
-#[cfg(unix)]
-#[test]
-fn a_pipe_is_not_replaced_by_a_chart() {
-    use std::os::unix::fs::FileTypeExt;
-    let place = Place::new();
-    let pipe = place.path("chart.svg");
-    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
-    let (code, stdout, stderr) = run(&["schedule", &place.path("capture"), "--svg", &pipe, "--force"]);
-    assert!(code == 2 && stdout.is_empty() && stderr.contains("a device or a pipe"), "{code} {stderr}");
-    assert!(fs::symlink_metadata(&pipe).unwrap().file_type().is_fifo());
-}
-
-#[test]
 fn bad_arguments_and_bad_captures_have_different_exit_codes() {
     let place = Place::new();
     let capture = place.path("capture");
@@ -150,8 +103,6 @@ fn bad_arguments_and_bad_captures_have_different_exit_codes() {
         (&[&capture, "--beta", "0.5"][..], 2, "beta"),
         (&[&capture, "--max-scale", "0"], 2, "max-scale"),
         (&[&capture, "--scale-rule", "half"], 2, "fractional"),
-        (&[&capture, "--force"], 2, "--svg"),
-        (&[&capture, "--svg", &capture], 2, "folder"),
         (&[&place.path("nowhere")], 3, "nowhere"),
     ] {
         let (got, stdout, stderr) = run(&[&["schedule"], arguments].concat());

@@ -2,8 +2,7 @@
 //! with the arguments of their `litetex train`.
 
 use crate::checks::Check;
-use crate::input_file::read_text;
-use crate::{Error, Result};
+use litetex_gs::{Error, Result, input_file};
 use serde::Deserialize;
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -12,6 +11,8 @@ use std::path::{Path, PathBuf};
 const NAME_CHARS_MAX: usize = 60;
 /// Most cells of a matrix; more is probably a typing error.
 const CELLS_MAX: usize = 100_000;
+/// Largest matrix or settings file that is read.
+const FILE_BYTES_MAX: u64 = 1 << 24;
 /// The only variant or budget of a matrix that names none.
 const DEFAULT_NAME: &str = "default";
 
@@ -40,6 +41,12 @@ pub trait TrainCommand {
     /// # Errors
     /// A message that says which argument is wrong.
     fn check_eval(&self, args: &[String]) -> Result<(), String>;
+
+    /// Checks the arguments of `litetex-lab figures`.
+    ///
+    /// # Errors
+    /// A message that says which argument is wrong.
+    fn check_figures(&self, args: &[String]) -> Result<(), String>;
 }
 
 /// A capture to train on.
@@ -61,6 +68,9 @@ pub struct SceneEntry {
     /// Arguments of the command that evaluates runs on this capture.
     #[serde(default)]
     pub eval: Vec<String>,
+    /// Arguments of `litetex-lab figures` for runs on this capture.
+    #[serde(default)]
+    pub figures: Vec<String>,
     /// What is expected of runs on this capture.
     #[serde(default, rename = "check")]
     pub checks: Vec<Check>,
@@ -123,6 +133,8 @@ pub struct Cell {
     pub args: Vec<String>,
     /// Arguments of the command that evaluates the run afterwards; empty if none does.
     pub eval: Vec<String>,
+    /// Arguments of `litetex-lab figures`; empty if it is not run.
+    pub figures: Vec<String>,
 }
 
 /// What stands for the folder of the capture in arguments.
@@ -142,7 +154,7 @@ impl Matrix {
     /// # Errors
     /// [`Error::Io`]; [`Error::InvalidInput`] naming line and key.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = read_text(path)?;
+        let text = input_file::read_text(path, FILE_BYTES_MAX)?;
         toml::from_str(&text).map_err(|e| Error::invalid(path, e.to_string().trim_end().to_owned()))
     }
 
@@ -187,13 +199,14 @@ impl Matrix {
             command.check_sample(&sample).map_err(of_scene)?;
         }
         command.check_eval(&eval).map_err(of_scene)?;
+        command.check_figures(&scene.figures).map_err(of_scene)?;
         let config = command.check(&args).map_err(|e| {
             let (scene, variant, budget) = (&scene.name, &variant.name, &budget.name);
             Error::Usage(format!("scene {scene:?}, variant {variant:?}, budget {budget:?}: {e}"))
         })?;
         Ok(Cell {
             index,
-            key: key(&scene.name, [&args, &sample, &eval], seed, config.as_deref())?,
+            key: key(&scene.name, [&args, &sample, &joined(&eval, &scene.figures)], seed, config.as_deref())?,
             scene: scene.name.clone(),
             path: scene.path.clone(),
             sample,
@@ -202,6 +215,7 @@ impl Matrix {
             seed,
             args,
             eval,
+            figures: scene.figures.clone(),
         })
     }
 
@@ -210,7 +224,7 @@ impl Matrix {
         let mut matrix = self.clone();
         if matrix.scenes.is_empty() {
             return Err(Error::Usage(
-                "no scene given: litetex bench --scene <CAPTURE>... -o <FOLDER>, or [[scene]] in --config"
+                "no scene given: litetex-lab bench --scene <CAPTURE>... -o <FOLDER>, or [[scene]] in --config"
                     .to_owned(),
             ));
         }
@@ -252,7 +266,10 @@ impl Matrix {
     }
 
     /// Refuses checks that make no sense, or refer to scenes or variants that are not in the matrix.
-    fn check_checks(&self) -> Result<()> {
+    ///
+    /// # Errors
+    /// [`Error::Usage`] naming the check.
+    pub fn check_checks(&self) -> Result<()> {
         let is_scene = |name: &String| self.scenes.iter().any(|s| s.name == *name);
         let is_variant = |name: &String| self.variants.iter().any(|v| v.name == *name);
         for (scene, check) in self.scenes.iter().flat_map(|s| s.checks.iter().map(move |c| (s, c))) {
@@ -325,7 +342,7 @@ fn check_distinct(cells: &[Cell]) -> Result<()> {
 fn key(scene: &str, args: [&[String]; 3], seed: u64, config: Option<&Path>) -> Result<String> {
     let config = match config {
         None => String::new(),
-        Some(path) => read_text(path)?,
+        Some(path) => input_file::read_text(path, FILE_BYTES_MAX)?,
     };
     let [args, sample, eval] = args;
     let whole =
@@ -409,6 +426,10 @@ mod tests {
         }
 
         fn check_eval(&self, args: &[String]) -> Result<(), String> {
+            self.check(args).map(|_| ())
+        }
+
+        fn check_figures(&self, args: &[String]) -> Result<(), String> {
             self.check(args).map(|_| ())
         }
     }
@@ -560,7 +581,7 @@ mod tests {
             [[scene]]
             name = "made"
             sample = ["--stress", "noise"]
-            eval = ["--regions", "{capture}/regions"]
+            figures = ["--regions", "{capture}/regions"]
             check = [{ measure = "/quality/psnr", from-scene = "found", at-most = 1.0 }]
             [[scene]]
             name = "found"
@@ -570,8 +591,9 @@ mod tests {
         let cells = matrix.cells(&Command).unwrap();
         assert_eq!(cells[0].sample, ["--views", "8", "--stress", "noise"]);
         assert!(cells[1].sample.is_empty() && cells[1].eval == ["--worst", "{run}/worst.jpg"]);
-        let eval = with_folders(&cells[0].eval, Path::new("c"), Path::new("r"));
-        assert_eq!(eval, ["--worst", "r/worst.jpg", "--regions", "c/regions"]);
+        let placed = |args: &[String]| with_folders(args, Path::new("c"), Path::new("r"));
+        assert_eq!(placed(&cells[0].eval), ["--worst", "r/worst.jpg"]);
+        assert_eq!(placed(&cells[0].figures), ["--regions", "c/regions"]);
         for (from, to, part) in [
             ("\"found\", at", "\"lost\", at", "\"lost\" is not in the matrix"),
             ("path = \"captures/a\"", "", "expected either path"),

@@ -1,7 +1,7 @@
 //! `results.jsonl`: one line per run of a benchmark, documented in `lab/results-schema.md`. A file may end in half a
 //! line, come from another version or be edited by hand; lines that cannot be used are skipped with a warning.
 
-use crate::{Error, Report, Result, input_file};
+use litetex_gs::{Error, Report, Result, input_file};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::HashMap;
@@ -133,7 +133,7 @@ pub fn append(path: &Path, record: &Record) -> Result<()> {
 /// # Errors
 /// [`Error::Io`] if the file cannot be read, [`Error::InvalidInput`] if it is a folder, a device or a pipe.
 pub fn read(path: &Path) -> Result<(Vec<Record>, Report)> {
-    let bytes = input_file::read(path)?;
+    let bytes = input_file::read(path, u64::MAX)?;
     Ok(parse(&path.display().to_string(), &bytes))
 }
 

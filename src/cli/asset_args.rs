@@ -1,9 +1,9 @@
 //! Arguments of all commands that write assets.
 
-use super::values::{parse_bytes, parse_decibels};
 use litetex_exporters::ply::PlyUp;
 use litetex_exporters::spz::{SpzOptions, SpzVersion};
 use litetex_exporters::{Cameras, Format, Quality};
+use litetex_gs::console::values::{parse_bytes, parse_decibels};
 use litetex_gs::verify::RateGoal;
 
 /// What is written of a scene, and how.

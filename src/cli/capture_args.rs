@@ -1,12 +1,10 @@
 //! Options for reading a capture; shared by `train` and `inspect`.
 
-use super::capture::{CaptureFormat, LoadOptions};
-use super::values::{parse_bytes, parse_whole};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use litetex_gs::console::values::{parse_bytes, parse_whole};
+use litetex_gs::dataset::{CaptureFormat, LoadOptions};
+use litetex_gs::run::MAX_RESOLUTION_MIN;
 use std::path::PathBuf;
-
-/// Smallest bound of the images' longer side that makes sense: SSIM's window is 11 pixels wide.
-pub const MAX_RESOLUTION_MIN: u32 = 16;
 
 /// Flags of the capture; what is not given stays as the configuration file or the default says.
 #[derive(clap::Args, Clone, Debug, Default)]

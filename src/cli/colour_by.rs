@@ -1,12 +1,12 @@
 //! `litetex render --colour-by`: splats coloured by one of their properties, with a legend.
 //! The classes are fixed, so that images of different runs can be compared.
 
-use super::table::Table;
-use super::values::format_count;
 use litetex_gs::camera::Camera;
+use litetex_gs::console::Table;
 use litetex_gs::constants::SH_DEGREE_MAX;
 use litetex_gs::image::{Channels, legend, magma, write_png};
 use litetex_gs::model::{Model, TextureMap, tinted};
+use litetex_gs::text::format_count;
 use litetex_gs::train::density::pixel_sizes;
 use litetex_gs::{Error, Result};
 use std::path::{Path, PathBuf};

@@ -1,15 +1,13 @@
 //! `litetex compare`: two images, two folders of images, or the images of two scenes.
 
-use super::devices;
-use super::interrupt::Interrupt;
-use super::log::Log;
-use super::run_folder::find_checkpoint;
 use super::sources::load_scene;
-use super::table::{Columns, path_text, print_json};
-use super::values::parse_decibels;
 use litetex_exporters::Format;
 use litetex_gs::backend::RenderedImage;
+use litetex_gs::console::device;
+use litetex_gs::console::values::parse_decibels;
+use litetex_gs::console::{Columns, Interrupt, Log, path_text, print_json};
 use litetex_gs::dataset::read_image;
+use litetex_gs::run::find_checkpoint;
 use litetex_gs::text::shortened;
 use litetex_gs::verify::{Difference, SceneRenderer, evenly_spread};
 use litetex_gs::{Error, Result};
@@ -142,7 +140,7 @@ fn scenes(args: &CompareArgs, log: &Log) -> Result<Vec<Difference>> {
     let views = evenly_spread(cameras, args.views.map_or(usize::MAX, |v| v as usize));
     let interrupt = Interrupt::current();
     let go_on = || !interrupt.is_requested();
-    let mut renderer = SceneRenderer::new(devices::open(&args.device, log)?, &go_on);
+    let mut renderer = SceneRenderer::new(device::open(&args.device, log)?, &go_on);
     let expected = renderer.images(&b.asset, &views)?;
     let mut seen = a.asset.in_frame(&b.asset.capture_from_local);
     if a.asset.cameras.is_empty() {

@@ -1,21 +1,15 @@
 //! `litetex eval`: quality figures of a trained scene on its test views.
 
-use super::capture::Capture;
 use super::extra_figures::ExtraFigures;
-use super::log::Log;
-use super::outputs::check_free;
-use super::regions::Regions;
-use super::run_folder::check_empty;
-use super::sequence::Sequence;
-use super::sources::{Trained, render_options};
-use super::summary::Quality;
-use super::table::{Table, path_text, print_json};
+use super::sources::on_device;
 use super::training_views::TrainingViews;
 use super::uncovered::UncoveredArea;
-use super::view_files::{write_per_view, write_view};
 use super::worst_view;
 use litetex_gs::backend::{Backend, RenderedImage};
+use litetex_gs::console::{Log, Table, check_free, path_text, print_json};
+use litetex_gs::dataset::Capture;
 use litetex_gs::eval::Evaluation;
+use litetex_gs::run::{Quality, Trained, check_empty, write_per_view, write_view};
 use litetex_gs::train::{self, Control, Evaluated};
 use litetex_gs::verify::CaptureIdentity;
 use litetex_gs::views::{Split, ViewSource};
@@ -39,13 +33,6 @@ pub struct EvalArgs {
     /// Also report the PSNR within the pixels that this other run of the same capture leaves uncovered (alpha below 0.5)
     #[arg(long, value_name = "RUN")]
     uncovered_by: Option<PathBuf>,
-    /// Also report figures of the parts of the images that masks in this folder mark white: PSNR, pixels within 10 % of
-    /// their colour, and texels per pixel; masks are PNG files named as the photos, and need not exist for all
-    #[arg(long, value_name = "DIR")]
-    regions: Option<PathBuf>,
-    /// Also report the error of the changes between consecutive test views, which are the frames of a video
-    #[arg(long)]
-    sequence: bool,
     /// Also report the PSNR of the training views, or only that if the capture has no test views
     #[arg(long)]
     training: bool,
@@ -81,23 +68,17 @@ pub fn run(args: &EvalArgs, log: &Log) -> anyhow::Result<()> {
         let area = UncoveredArea::of(&Trained::load(other)?, &capture, background, &args.device, log)?;
         extras.push(Box::new(area));
     }
-    if let Some(folder) = &args.regions {
-        extras.push(Box::new(Regions::of(folder, &capture, &trained.model)?));
-    }
     if args.training {
         extras.push(Box::new(TrainingViews::default()));
     }
-    if args.sequence {
-        extras.push(Box::new(Sequence::default()));
-    }
-    let mut backend = trained.on_device(&args.device, log)?;
+    let mut backend = on_device(&trained, &args.device, log)?;
     let evaluation = match args.needs_test_views() || !capture.indices(Split::Test).is_empty() {
         true => Some(evaluate(&trained, backend.as_mut(), &capture, args.out.as_deref(), &mut extras)?),
         false => None,
     };
     extras.iter_mut().try_for_each(|e| e.finish(&trained, backend.as_mut(), &capture))?;
     if let (Some(path), Some(evaluation)) = (&args.worst, &evaluation) {
-        let options = render_options(&trained.model, trained.config.train.background, false);
+        let options = trained.render_options();
         worst_view::write(path, backend.as_mut(), &capture, evaluation, &options)?;
     }
     if args.json {
@@ -125,9 +106,7 @@ pub fn run(args: &EvalArgs, log: &Log) -> anyhow::Result<()> {
 impl EvalArgs {
     /// Whether something is asked for besides the figures of the training views.
     fn needs_test_views(&self) -> bool {
-        !self.training
-            || self.sequence
-            || [&self.out, &self.uncovered_by, &self.regions, &self.worst].into_iter().any(Option::is_some)
+        !self.training || [&self.out, &self.uncovered_by, &self.worst].into_iter().any(Option::is_some)
     }
 }
 
@@ -162,7 +141,7 @@ fn evaluate(
     if let Some(out) = out {
         std::fs::create_dir_all(out).map_err(|e| Error::io(out, e))?;
     }
-    let options = render_options(&trained.model, trained.config.train.background, false);
+    let options = trained.render_options();
     let mut on_view = |view: usize, image: &RenderedImage| -> Result<Control> {
         if let Some(out) = out {
             write_view(out, capture, view, image)?;

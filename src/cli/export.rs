@@ -1,20 +1,19 @@
 //! `litetex export` and `litetex convert`: assets from runs and from each other.
 
 use super::asset_args::{AssetArgs, CropBox};
-use super::capture::Capture;
-use super::devices;
-use super::interrupt::Interrupt;
-use super::log::Log;
 use super::outputs;
-use super::sources::{Trained, load_scene, open_photos, read_layers, read_limits};
-use super::table::Columns;
-use super::values::{format_bytes, format_count};
+use super::sources::{load_scene, open_photos, read_layers, read_limits};
 use super::views_progress::{ViewsProgress, views_to_render};
 use litetex_exporters::spz::{ShBits, SpzOptions};
 use litetex_exporters::{
     AssetCamera, Format, Quality, SplatAsset, WriteOptions, Written, num_sh_coefficients, read_asset,
     read_fallback, stage_asset,
 };
+use litetex_gs::console::device;
+use litetex_gs::console::{Columns, Interrupt, Log};
+use litetex_gs::dataset::Capture;
+use litetex_gs::run::Trained;
+use litetex_gs::text::{format_bytes, format_count};
 use litetex_gs::verify::{
     Backends, BakedScene, Contribution, EXPORT_VIEWS, ExpectedImages, GoOn, PhotoPsnr, QualityLimits,
     ReadBack, Rounding, SceneRenderer, Verdict, evenly_spread, find_rounding, find_sh_bits, verify,
@@ -169,7 +168,7 @@ fn edit(scene: &mut BakedScene, args: &AssetArgs, go_on: GoOn<'_>, log: &Log) ->
     };
     if let Some(floor) = args.min_contribution {
         let training: Vec<_> = asset.cameras.iter().filter(|c| !c.held_out).cloned().collect();
-        let mut backend = devices::open("cpu", log)?;
+        let mut backend = device::open("cpu", log)?;
         let contribution = Contribution::measure(backend.as_mut(), asset, &training, go_on)?;
         let keep: Vec<bool> = contribution.weight_px.iter().map(|c| *c >= floor).collect();
         log_left_out(asset.retain(&keep), &format!("contribute less than {floor} pixels"));
@@ -233,7 +232,7 @@ fn verification<'a>(
         log.warn("not-verified", "the scene has no cameras: the files cannot be verified by rendering", 1);
         return Ok(None);
     }
-    let mut renderer = SceneRenderer::new(devices::open(device, log)?, go_on);
+    let mut renderer = SceneRenderer::new(device::open(device, log)?, go_on);
     let expected = ExpectedImages::render(&mut renderer, asset, views)?;
     let of_tests = |photos| Ok::<_, Error>((ExpectedImages::render(&mut renderer, asset, tests)?, photos));
     let tests = photos.map(of_tests).transpose()?;
@@ -274,8 +273,8 @@ fn rounding(
     }
     let mut report = Report::default();
     let backends = Backends {
-        statistics: &|| devices::open("cpu", log),
-        rendering: &|| devices::open(device, log),
+        statistics: &|| device::open("cpu", log),
+        rendering: &|| device::open(device, log),
         go_on,
     };
     let rounding = find_rounding(scene, &goal, &backends, &mut report)?;
@@ -296,7 +295,7 @@ fn spz_options(
     if Format::of(path)? != Format::Spz {
         return Ok(options);
     }
-    let open = || Ok(SceneRenderer::new(devices::open(device, log)?, go_on));
+    let open = || Ok(SceneRenderer::new(device::open(device, log)?, go_on));
     let sh_bits = find_sh_bits(asset, args.quality(), open)?;
     if asset.sh_degree > 0 {
         let ShBits { first, rest } = sh_bits;

@@ -1,10 +1,10 @@
 //! Figures of the test views that `litetex eval` reports when asked for, beside those of every evaluation.
 
-use super::capture::Capture;
-use super::sources::Trained;
-use super::table::Table;
 use litetex_gs::Result;
 use litetex_gs::backend::{Backend, RenderedImage};
+use litetex_gs::console::Table;
+use litetex_gs::dataset::Capture;
+use litetex_gs::run::Trained;
 
 /// Figures that are added up view by view.
 pub trait ExtraFigures {

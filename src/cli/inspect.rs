@@ -1,19 +1,15 @@
 //! `litetex inspect`: the contents of a capture, a run, a checkpoint or an asset.
 
-use super::capture::{self, Capture};
 use super::capture_args::CaptureArgs;
-use super::log::Log;
-use super::run_folder::find_checkpoint;
-use super::sources::{Trained, read_scene};
-use super::summary::Summary;
-use super::table::{Table, path_text, print_json};
-use super::values::{format_bytes, format_count};
+use super::sources::read_scene;
 use glam::{DVec3, Vec3};
 use litetex_exporters::{Describes, Format, LayerSize, Quality, SplatAsset, Transform};
 use litetex_gs::bake::model_from_asset;
-use litetex_gs::dataset::read_ply_points;
+use litetex_gs::console::{Log, Table, path_text, print_json};
+use litetex_gs::dataset::{Capture, LoadOptions, read_ply_points};
 use litetex_gs::model::Model;
-use litetex_gs::text::shortened;
+use litetex_gs::run::{Summary, Trained, find_checkpoint};
+use litetex_gs::text::{format_bytes, format_count, shortened};
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result};
 use serde_json::{Value, json};
@@ -57,9 +53,9 @@ fn inspect(args: &InspectArgs, log: &Log) -> Result<Value> {
         _ if path.is_file() && Format::from_path(path).is_some() => asset(path, log),
         _ if is_run(path) => run_folder(path),
         _ => {
-            let mut options = capture::LoadOptions::default();
+            let mut options = LoadOptions::default();
             args.capture_args.apply(&mut options);
-            let capture = capture::open(path, &options)?;
+            let capture = Capture::load(path, &options)?;
             log.report(&capture.report);
             Ok(of_capture(&capture))
         }

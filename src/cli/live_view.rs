@@ -4,12 +4,7 @@
 //! Previews are lossless: 200,000 splats with 16.7 million texels take 0.75 s to write and 0.4 s to read, where files rounded by
 //! fixed steps take 4.3 s and 3.8 s.
 
-use super::capture::Capture;
-use super::config_file::RunConfig;
 use super::curve::Curve;
-use super::interrupt::Interrupt;
-use super::log::Log;
-use super::run_folder::{PREVIEW, RunFolder};
 use super::sources::load_scene;
 use super::view::{announce, offer_photos, start};
 use super::view_scene::{in_memory, name_of, quick, served};
@@ -17,7 +12,10 @@ use crate::viewer::{AssetBytes, Server, Shown};
 use litetex_exporters::html::{SessionAsset, SessionTraining, TrainingState};
 use litetex_exporters::{AssetCamera, Provenance};
 use litetex_gs::bake::{asset_cameras, bake};
+use litetex_gs::console::{Interrupt, Log};
+use litetex_gs::dataset::Capture;
 use litetex_gs::model::Model;
+use litetex_gs::run::{PREVIEW, RunConfig, RunFolder};
 use litetex_gs::train::{NO_SNAPSHOT, StopReason, TrainEvent};
 use litetex_gs::{Error, Report, Result, atomic_file};
 use std::path::{Path, PathBuf};

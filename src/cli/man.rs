@@ -1,7 +1,7 @@
 //! `litetex man`: manual pages, from the same definitions as the help.
 
-use super::outputs;
 use clap::Command;
+use litetex_gs::console::check_free;
 use litetex_gs::{Error, atomic_file};
 use std::io::Write;
 use std::path::PathBuf;
@@ -31,7 +31,7 @@ pub fn run(args: &ManArgs, mut command: Command) -> anyhow::Result<()> {
     let pages: Vec<(PathBuf, Command)> =
         subcommands.chain([(folder.join("litetex.1"), command.clone())]).collect();
     let files: Vec<PathBuf> = pages.iter().map(|(file, _)| file.clone()).collect();
-    outputs::check_free(&files, args.force)?;
+    check_free(&files, args.force)?;
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     for (file, command) in pages {
         atomic_file::write(&file, &page(command)?)?;

@@ -1,10 +1,7 @@
-//! Trainings end with the benchmark that started them, even if it is killed: their results would be lost, and a
+//! `--end-with-stdin`: trainings end with the benchmark that started them, even if it is killed: their results would be lost, and a
 //! restarted benchmark would repeat them while they still run.
 
 use std::io::Read;
-
-/// Hidden flag of `litetex train`.
-pub const FLAG: &str = "--end-with-stdin";
 
 /// Ends this process as soon as standard input does: the other end is held by the benchmark, and the system closes it
 /// whatever ends the benchmark. What the run has written so far is of no use and is left to the next benchmark.

@@ -1,9 +1,9 @@
 //! Progress of training on standard error: a bar on a terminal, elsewhere a plain line every few seconds, or JSON.
 
-use super::log::Log;
-use super::memory::process_bytes;
-use super::values::{format_bytes, format_count, format_duration};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use litetex_gs::console::Log;
+use litetex_gs::memory::process_bytes;
+use litetex_gs::text::{format_bytes, format_count, format_duration};
 use litetex_gs::train::SizeFigures;
 use serde_json::json;
 use std::io::IsTerminal;

@@ -2,12 +2,12 @@
 
 use super::asset_args::AssetArgs;
 use super::export;
-use super::log::Log;
-use super::run_folder::{check_empty, is_run};
 use super::sources::load_scene;
 use super::train;
 use super::train_args::{TrainArgs, TrainingArgs};
 use super::train_summary;
+use litetex_gs::console::Log;
+use litetex_gs::run::{check_empty, is_run};
 use litetex_gs::sample::{SampleOptions, write_sample};
 use litetex_gs::{Error, Result};
 use std::io::Write;

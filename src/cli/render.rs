@@ -1,21 +1,19 @@
 //! `litetex render`: images of a scene from a named view, the test views or an orbit.
 
-use super::capture::Capture;
 use super::colour_by::{ColourBy, Coloured};
-use super::devices;
-use super::log::Log;
-use super::outputs;
-use super::sources::{Trained, is_asset, load_scene, open_photos, read_layers, render_options};
-use super::table::Table;
-use super::values::{ImageSize, parse_image_size};
-use super::view_files::image_name;
+use super::sources::{is_asset, load_scene, open_photos, read_layers};
 use litetex_exporters::{SplatAsset, Transform};
 use litetex_gs::backend::RenderedImage;
 use litetex_gs::bake::{AssetViews, model_from_asset};
 use litetex_gs::camera::{Camera, orbit};
+use litetex_gs::console::device;
+use litetex_gs::console::values::{ImageSize, parse_image_size};
+use litetex_gs::console::{Log, Table, check_free};
+use litetex_gs::dataset::Capture;
 use litetex_gs::eval::quantised;
 use litetex_gs::image::{Channels, depth_range, grey_from_depth, rgb_from_normal, write_exr, write_png};
 use litetex_gs::model::{AdamState, Model};
+use litetex_gs::run::{Trained, image_name, render_options};
 use litetex_gs::text::quoted;
 use litetex_gs::verify::{BakedScene, to_display};
 use litetex_gs::views::{Split, ViewSource};
@@ -124,7 +122,7 @@ pub fn run(args: &RenderArgs, log: &Log) -> anyhow::Result<()> {
     let jobs = jobs(args, views.as_ref())?;
     let legend = args.colour_by.and_then(|by| by.legend_path(&args.out));
     let files: Vec<PathBuf> = jobs.iter().flat_map(|job| job.files.clone()).chain(legend).collect();
-    outputs::check_free(&files, args.force)?;
+    check_free(&files, args.force)?;
     let train_views = views.indices(Split::Train);
     let cameras: Vec<Camera> = train_views.iter().map(|&view| views.camera(view)).collect();
     let model = model_from_asset(&scene.asset);
@@ -165,7 +163,7 @@ fn render_all(
     model: &Model,
     log: &Log,
 ) -> Result<usize> {
-    let mut backend = devices::open(&args.device, log)?;
+    let mut backend = device::open(&args.device, log)?;
     backend.upload(model, &AdamState::zeros(model))?;
     let geometry = args.what.iter().any(|w| matches!(w, What::Depth | What::Normal));
     let options = render_options(model, asset.background, geometry);

@@ -1,9 +1,8 @@
 //! `litetex sample`: writes a synthetic capture.
 
-use super::log::Log;
-use super::run_folder::check_empty;
-use super::table::Table;
-use super::values::{ImageSize, parse_whole};
+use litetex_gs::console::values::{ImageSize, parse_image_size, parse_whole};
+use litetex_gs::console::{Log, Table};
+use litetex_gs::run::check_empty;
 use litetex_gs::sample::{NeedScene, SampleOptions, Stress, write_sample};
 use std::path::PathBuf;
 
@@ -20,7 +19,7 @@ pub struct SampleArgs {
     #[arg(long, value_name = "N", value_parser = parse_whole::<usize>, default_value_t = SampleOptions::default().views)]
     views: usize,
     /// Width and height of the photos
-    #[arg(long, value_name = "WxH", value_parser = super::values::parse_image_size, default_value = "320x240")]
+    #[arg(long, value_name = "WxH", value_parser = parse_image_size, default_value = "320x240")]
     size: ImageSize,
     /// Number of sparse points
     #[arg(long, value_name = "N", value_parser = parse_whole::<usize>, default_value_t = SampleOptions::default().points)]

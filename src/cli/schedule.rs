@@ -1,14 +1,10 @@
-//! `litetex schedule`: the frequency schedule of a capture, as tables, JSON or a chart.
+//! `litetex schedule`: the frequency schedule of a capture, as tables or JSON.
 
-use super::capture;
 use super::capture_args::CaptureArgs;
-use super::log::Log;
-use super::outputs;
 use super::schedule_args::ScheduleFlags;
-use super::schedule_chart;
 use super::schedule_report::ScheduleReport;
-use super::table::print_json;
-use litetex_gs::atomic_file;
+use litetex_gs::console::{Log, print_json};
+use litetex_gs::dataset::{Capture, LoadOptions};
 use litetex_gs::frequency::FrequencyOptions;
 use std::path::PathBuf;
 
@@ -26,12 +22,6 @@ pub struct ScheduleArgs {
     /// Print JSON
     #[arg(long)]
     json: bool,
-    /// Also write a chart as SVG
-    #[arg(long, value_name = "FILE")]
-    svg: Option<PathBuf>,
-    /// Replace the chart if it exists
-    #[arg(long, requires = "svg")]
-    force: bool,
     #[command(flatten)]
     schedule_flags: ScheduleFlags,
     #[command(flatten)]
@@ -40,22 +30,14 @@ pub struct ScheduleArgs {
 
 /// Analyses and prints.
 pub fn run(args: &ScheduleArgs, log: &Log) -> anyhow::Result<()> {
-    if let Some(svg) = &args.svg {
-        // Before the work, not after it.
-        outputs::check_free(std::slice::from_ref(svg), args.force)?;
-    }
-    let mut load = capture::LoadOptions::default();
+    let mut load = LoadOptions::default();
     args.capture_args.apply(&mut load);
     let mut options = FrequencyOptions::default();
     args.schedule_flags.apply(&mut options);
     options.check()?;
-    let capture = capture::open(&args.capture, &load)?;
+    let capture = Capture::load(&args.capture, &load)?;
     log.report(&capture.report);
     let report = ScheduleReport::new(&args.capture, &capture, args.steps, options)?;
-    if let Some(svg) = &args.svg {
-        atomic_file::write(svg, schedule_chart::svg(&report).as_bytes())?;
-        log.info(&format!("wrote {}", svg.display()));
-    }
     let printed = if args.json { print_json(&report) } else { report.print() };
     Ok(printed?)
 }

@@ -1,10 +1,10 @@
 //! What `litetex schedule` reports: the frequency schedule of a capture and the stages that follow from it.
 
-use super::capture::Capture;
-use super::table::{Columns, Table, serialize_path};
-use super::values::{format_count, format_duration};
 use litetex_gs::clock::process_cpu_secs;
+use litetex_gs::console::{Columns, Table, serialize_path};
+use litetex_gs::dataset::Capture;
 use litetex_gs::frequency::{FrequencyOptions, FrequencySchedule};
+use litetex_gs::text::{format_count, format_duration};
 use litetex_gs::train::{Schedule, StageSpan, TrainConfig, stage_spans};
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result};

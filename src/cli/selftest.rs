@@ -1,7 +1,7 @@
 //! `litetex selftest`: whether a device computes what the f64 reference computes.
 
-use super::devices;
-use super::log::Log;
+use litetex_gs::console::Log;
+use litetex_gs::console::device;
 use litetex_gs::{Error, selftest};
 use std::io::Write as _;
 
@@ -17,7 +17,7 @@ pub struct SelftestArgs {
 
 /// Runs the checks and prints their results.
 pub fn run(args: &SelftestArgs, log: &Log) -> anyhow::Result<()> {
-    let mut backend = devices::open(&args.device, log)?;
+    let mut backend = device::open(&args.device, log)?;
     let device = backend.device();
     let checks = selftest::run(backend.as_mut())?;
     let mut out = std::io::stdout().lock();

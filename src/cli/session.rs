@@ -1,113 +1,29 @@
-//! The command line's consumer of training events: fills the run folder, updates the progress display, and tells the
-//! trainer whether to continue.
+//! The command line's consumer of training events: a [`Recorder`] fills the run folder; this updates the progress display and
+//! the preview, and tells the trainer whether to continue.
 
-use super::config_file::{RunConfig, SaveImages};
-use super::evaluations::StagedFolder;
-use super::interrupt::Interrupt;
 use super::live_view::Preview;
-use super::log::Log;
-use super::outlying::ViewLosses;
 use super::progress::{Progress, StepFigures};
-use super::run_folder::RunFolder;
-use super::summary::GrowthFigures;
-use super::view_files::{write_per_view, write_view};
-use litetex_gs::backend::{RenderedImage, StepReport};
-use litetex_gs::eval::Evaluation;
-use litetex_gs::text::counted;
-use litetex_gs::train::checkpoint;
-use litetex_gs::train::{Control, Schedule, StopReason, TrainEvent, TrainHistory, TrainState};
-use litetex_gs::verify::{CAMERAS_KEY, CaptureIdentity, IDENTITY_KEY, cameras_json};
-use litetex_gs::views::{Split, ViewSource};
-use litetex_gs::{Error, Report, Result, Warning, atomic_file, input_file};
-use serde_json::{Value, json};
-use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::{ErrorKind, Write};
-use std::path::{Path, PathBuf};
-
-/// Steps between two lines of `metrics.jsonl`; the first and the last step are always there.
-pub const METRICS_EVERY: u32 = 10;
-
-/// Outlying views that a warning names.
-const OUTLYING_SHOWN: usize = 5;
-
-/// A larger share of test pixels that nothing covers is worth a warning.
-const UNCOVERED_MAX: f64 = 0.01;
-
-/// Steps before which even well-seen surfaces may be translucent: splats start at opacity 0.1.
-pub const UNCOVERED_MIN_STEPS: u32 = 200;
+use litetex_gs::Result;
+use litetex_gs::console::{Interrupt, Log};
+use litetex_gs::run::Recorder;
+use litetex_gs::train::{Control, TrainEvent};
+use std::path::Path;
 
 /// The files and the display of one training.
 pub struct Session<'a> {
-    folder: &'a RunFolder,
-    views: &'a dyn ViewSource,
-    config: &'a RunConfig,
+    /// What fills the run folder.
+    pub recorder: Recorder<'a>,
+    /// What shows the model while it trains.
+    pub preview: Option<Preview>,
     log: &'a Log,
     interrupt: Interrupt,
     progress: Progress<'a>,
-    metrics: File,
-    /// The strings of every checkpoint.
-    strings: BTreeMap<String, String>,
-    total_wall_secs: Box<dyn Fn() -> f64 + 'a>,
-    /// The evaluation in progress.
-    staged: Option<StagedFolder>,
-    /// Step of the last evaluation that has images.
-    last_with_images: Option<u32>,
-    /// Number of gradient entries, over all steps, that were not finite.
-    non_finite_gradients: u64,
-    losses: ViewLosses,
-    /// Last step after which the model may grow.
-    densify_until: u32,
-    /// Step of the last evaluation.
-    evaluated_step: u32,
-    /// The last evaluation.
-    pub evaluation: Option<Evaluation>,
-    /// What shows the model while it trains.
-    pub preview: Option<Preview>,
-    /// The last checkpoint.
-    pub checkpoint: Option<PathBuf>,
-    /// Warnings of the trainer.
-    pub report: Report,
 }
 
 impl<'a> Session<'a> {
-    /// A session that continues after `done` steps: lines of later steps are dropped from `metrics.jsonl`, since these
-    /// steps will be repeated.
-    ///
-    /// # Errors
-    /// [`Error::Io`].
-    pub fn new(
-        folder: &'a RunFolder,
-        views: &'a dyn ViewSource,
-        config: &'a RunConfig,
-        log: &'a Log,
-        interrupt: Interrupt,
-        done: u32,
-        total_wall_secs: impl Fn() -> f64 + 'a,
-    ) -> Result<Self> {
-        let toml = config.to_toml()?;
-        atomic_file::write(&folder.config(), toml.as_bytes())?;
-        Ok(Self {
-            folder,
-            views,
-            config,
-            log,
-            interrupt,
-            progress: Progress::new(log, done, config.train.steps, config.train.max_time_secs),
-            metrics: open_metrics(&folder.metrics(), done)?,
-            strings: BTreeMap::from([("config".to_owned(), toml)]),
-            total_wall_secs: Box::new(total_wall_secs),
-            staged: None,
-            last_with_images: None,
-            non_finite_gradients: 0,
-            losses: ViewLosses::default(),
-            densify_until: Schedule::new(&config.train, views.indices(Split::Train).len()).densify_until,
-            evaluated_step: 0,
-            evaluation: None,
-            preview: None,
-            checkpoint: None,
-            report: Report::default(),
-        })
+    /// A session around a recorder.
+    pub fn new(recorder: Recorder<'a>, progress: Progress<'a>, log: &'a Log, interrupt: Interrupt) -> Self {
+        Self { recorder, preview: None, log, interrupt, progress }
     }
 
     /// Handles one event.
@@ -116,70 +32,21 @@ impl<'a> Session<'a> {
     /// What writing files reports.
     pub fn handle(&mut self, event: TrainEvent<'_>) -> Result<Control> {
         let is_wanted = self.preview.as_mut().is_some_and(|preview| preview.handle(&event, self.log));
+        self.show(&event);
+        self.recorder.record(&event)?;
         match event {
-            TrainEvent::Started { device, step, steps, train_views, test_views } => {
-                self.log.info(&format!(
-                    "{train_views} views to train on, {test_views} held out, on {}: {}",
-                    device.name, device.description
-                ));
-                self.metric(json!({ "event": "started", "step": step, "steps": steps, "device": device,
-                    "train_views": train_views, "test_views": test_views }))?;
+            TrainEvent::Checkpoint { .. } => {
+                let saved = self.recorder.checkpoint().unwrap_or(Path::new(""));
+                self.log.detail(&format!("saved {}", saved.display()));
             }
-            TrainEvent::Step { .. } => self.step(&event)?,
-            TrainEvent::DensityControl {
-                step,
-                counts,
-                growth,
-                size,
-                render_scale,
-                texture_cap,
-                wall_secs,
-            } => self.metric(json!({ "event": "density-control", "step": step, "counts": counts,
-                "growth": GrowthFigures::new(growth, &self.config.train, step, self.densify_until),
-                "splats": size.splats, "texels": size.texels, "params": size.params,
-                "render_scale": render_scale,
-                "texture_cap": texture_cap, "wall_secs": wall_secs }))?,
-            TrainEvent::GaveBack(given_back) => {
-                self.metric(
-                    json!({ "event": "gave-back", "step": given_back.step, "given_back": given_back }),
-                )?;
-            }
-            TrainEvent::EvalView { step, view, image } => self.eval_view(step, view, image)?,
-            TrainEvent::Evaluated { step, evaluation, point, last } => {
-                self.progress.evaluated(step, evaluation.psnr, evaluation.grad_psnr);
-                self.evaluated_step = step;
-                self.metric(json!({ "event": "evaluated", "step": step, "last": last, "point": point,
-                    "ssim_3dgs": evaluation.ssim_3dgs, "ssim_valid": evaluation.ssim_valid,
-                    "flip": evaluation.flip, "psnr_corrected": evaluation.psnr_corrected,
-                    "uncovered": evaluation.uncovered }))?;
-                self.publish_eval(step, evaluation)?;
-            }
-            TrainEvent::Checkpoint { state } => self.save(state)?,
             TrainEvent::Snapshot { step, model, wall_secs } => {
                 if let Some(preview) = &mut self.preview {
                     preview.take(step, model, wall_secs);
                 }
             }
-            TrainEvent::Warning(warning) => {
-                self.log.warn(&warning.code, &warning.message, warning.count);
-                self.metric(json!({ "event": "warning", "warning": warning }))?;
-                self.report.warn(&warning.code, warning.count, warning.message);
-            }
-            TrainEvent::Finished { reason } => {
-                self.progress.finish();
-                self.warn_of_gradients()?;
-                self.warn_of_views()?;
-                let uncovered = self.evaluation.as_ref().and_then(|evaluation| evaluation.uncovered);
-                if let Some(share) = uncovered.filter(|_| self.evaluated_step >= UNCOVERED_MIN_STEPS) {
-                    self.warn_of_uncovered_pixels(
-                        "test",
-                        share,
-                        "what no training view shows needs more photos; other gaps may close with more steps",
-                    )?;
-                }
-                self.metric(json!({ "event": "finished", "reason": reason_name(reason) }))?;
-            }
+            _ => {}
         }
+        self.say_warnings();
         Ok(match (self.interrupt.is_requested(), is_wanted) {
             (true, _) => Control::Stop,
             (false, true) => Control::Snapshot,
@@ -187,199 +54,40 @@ impl<'a> Session<'a> {
         })
     }
 
-    fn step(&mut self, event: &TrainEvent<'_>) -> Result<()> {
-        let &TrainEvent::Step {
-            step,
-            view,
-            loss,
-            report,
-            size,
-            train_wall_secs,
-            train_cpu_secs,
-            remaining_secs,
-        } = event
-        else {
-            return Ok(());
-        };
-        self.losses.record(view, loss.l1 + loss.dssim);
-        self.non_finite_gradients += report.non_finite_gradients;
-        self.progress.step(StepFigures { step, loss: loss.total, size, train_wall_secs, remaining_secs });
-        if step == 1 || step.is_multiple_of(METRICS_EVERY) || step == self.config.train.steps {
-            self.metric(json!({ "event": "step", "step": step, "view": self.views.name(view),
-                "loss": loss, "splats": size.splats, "texels": size.texels, "params": size.params,
-                "train_wall_secs": train_wall_secs, "train_cpu_secs": train_cpu_secs,
-                "counters": counters(report), "pass_secs": passes(report),
-                "non_finite_gradients": report.non_finite_gradients }))?;
+    /// Shows an event on the terminal.
+    fn show(&mut self, event: &TrainEvent<'_>) {
+        match event {
+            TrainEvent::Started { device, train_views, test_views, .. } => self.log.info(&format!(
+                "{train_views} views to train on, {test_views} held out, on {}: {}",
+                device.name, device.description
+            )),
+            &TrainEvent::Step { step, loss, size, train_wall_secs, remaining_secs, .. } => self
+                .progress
+                .step(StepFigures { step, loss: loss.total, size, train_wall_secs, remaining_secs }),
+            TrainEvent::Evaluated { step, evaluation, .. } => {
+                self.progress.evaluated(*step, evaluation.psnr, evaluation.grad_psnr);
+            }
+            TrainEvent::Finished { .. } => self.progress.finish(),
+            _ => {}
         }
-        Ok(())
+    }
+
+    /// Prints the warnings that the recorder has gathered.
+    pub fn say_warnings(&mut self) {
+        for warning in self.recorder.take_warnings() {
+            self.log.warn(&warning.code, &warning.message, warning.count);
+        }
     }
 
     /// After a failure: reports what was saved and how to continue from there.
-    pub fn report_how_to_continue(&self) {
-        if let Some(saved) = &self.checkpoint {
+    pub fn report_how_to_continue(&self, run: &Path) {
+        if let Some(saved) = self.recorder.checkpoint() {
             let message = format!(
                 "the run failed after it was saved in {}; fix the cause and continue with: litetex train --resume {}",
                 saved.display(),
-                self.folder.root().display()
+                run.display()
             );
             self.log.warn("saved-before-failure", &message, 1);
         }
     }
-
-    /// Warns once a run of the gradients that the steps have counted.
-    fn warn_of_gradients(&mut self) -> Result<()> {
-        let count = self.non_finite_gradients;
-        if count == 0 {
-            return Ok(());
-        }
-        let message = format!("{count} gradients were NaN or infinite and were treated as zero");
-        self.warn("gradients-not-finite", count as usize, message)
-    }
-
-    /// Names of training views whose loss stands out at the end, worst first.
-    pub fn outlying_views(&self) -> Vec<String> {
-        self.losses.outlying().into_iter().map(|view| self.views.name(view).to_owned()).collect()
-    }
-
-    fn warn_of_views(&mut self) -> Result<()> {
-        let names = self.outlying_views();
-        if names.is_empty() {
-            return Ok(());
-        }
-        let shown = names[..names.len().min(OUTLYING_SHOWN)].join(", ");
-        let more = match names.len().saturating_sub(OUTLYING_SHOWN) {
-            0 => String::new(),
-            more => format!(" and {more} more"),
-        };
-        let message = format!(
-            "{} that fit much worse than the others: {shown}{more}; look for wrong poses, other exposures (--exposure \
-             affine, judged by psnr_corrected) or moving things there",
-            counted(names.len(), "training view")
-        );
-        self.warn("outlying-views", names.len(), message)
-    }
-
-    /// Warns of uncovered pixels; `advice` says what may help.
-    ///
-    /// # Errors
-    /// What writing files reports.
-    pub fn warn_of_uncovered_pixels(&mut self, views: &str, share: f64, advice: &str) -> Result<()> {
-        if share <= UNCOVERED_MAX {
-            return Ok(());
-        }
-        let message = format!(
-            "{:.1} % of the pixels of the {views} views are uncovered: their alpha is below 0.5; {advice}",
-            100.0 * share
-        );
-        self.warn("uncovered-pixels", 1, message)
-    }
-
-    fn warn(&mut self, code: &str, count: usize, message: String) -> Result<()> {
-        self.handle(TrainEvent::Warning(Warning { code: code.to_owned(), message, count }))?;
-        Ok(())
-    }
-
-    fn eval_view(&mut self, step: u32, view: usize, image: &RenderedImage) -> Result<()> {
-        if self.staged.is_none() {
-            self.staged = Some(self.folder.stage_eval(step)?);
-        }
-        if let Some(staged) = &self.staged
-            && self.config.save_images != SaveImages::None
-        {
-            write_view(staged.path(), self.views, view, image)?;
-        }
-        Ok(())
-    }
-
-    fn publish_eval(&mut self, step: u32, evaluation: &Evaluation) -> Result<()> {
-        let staged = match self.staged.take() {
-            Some(staged) => staged,
-            None => self.folder.stage_eval(step)?,
-        };
-        write_per_view(staged.path(), evaluation)?;
-        staged.publish()?;
-        if self.config.save_images == SaveImages::Last
-            && let Some(before) = self.last_with_images.replace(step)
-            && before != step
-        {
-            self.folder.drop_images(before)?;
-        }
-        self.evaluation = Some(evaluation.clone());
-        Ok(())
-    }
-
-    fn save(&mut self, state: &TrainState) -> Result<()> {
-        let path = self.folder.checkpoint(state.step)?;
-        let total_wall_secs = (self.total_wall_secs)();
-        let history = TrainHistory { total_wall_secs, ..state.history.clone() };
-        let identity = CaptureIdentity::new(self.views, state.model.capture_from_local);
-        self.strings.insert(IDENTITY_KEY.to_owned(), identity.to_json()?);
-        self.strings.insert(CAMERAS_KEY.to_owned(), cameras_json(self.views)?);
-        checkpoint::save(&path, state, &history, &self.strings)?;
-        self.log.detail(&format!("saved {}", path.display()));
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        self.metric(json!({ "event": "checkpoint", "step": state.step, "file": name }))?;
-        self.checkpoint = Some(path);
-        Ok(())
-    }
-
-    fn metric(&mut self, line: Value) -> Result<()> {
-        // One write per line, so that an interruption cannot leave half a line.
-        self.metrics
-            .write_all(format!("{line}\n").as_bytes())
-            .map_err(|e| Error::io(self.folder.metrics(), e))
-    }
-}
-
-/// Name of a stop reason in `metrics.jsonl` and `summary.json`.
-pub fn reason_name(reason: StopReason) -> &'static str {
-    match reason {
-        StopReason::Steps => "steps",
-        StopReason::Time => "time",
-        StopReason::Consumer => "interrupted",
-    }
-}
-
-/// Counters of a step; null for those that the device does not count.
-fn counters(report: &StepReport) -> Value {
-    let c = &report.counters;
-    let mut counters = json!(c);
-    if (c.evaluated_pairs, c.inside_pairs, c.blended_pairs) == (0, 0, 0) {
-        for name in ["evaluated_pairs", "inside_pairs", "blended_pairs"] {
-            counters[name] = Value::Null;
-        }
-    }
-    counters
-}
-
-/// Seconds of a step by pass.
-fn passes(report: &StepReport) -> Value {
-    let secs = report.stages.iter().map(|(name, time)| ((*name).to_owned(), json!(time.as_secs_f64())));
-    Value::Object(secs.collect())
-}
-
-/// The lines so far, if there are any. After a power cut some may be no text; they are dropped with others that are not
-/// understood.
-fn read_metrics(path: &Path) -> Result<String> {
-    match input_file::read(path, u64::MAX) {
-        Ok(bytes) => Ok(String::from_utf8_lossy(&bytes).into_owned()),
-        Err(Error::Io { cause, .. }) if cause.kind() == ErrorKind::NotFound => Ok(String::new()),
-        Err(e) => Err(e),
-    }
-}
-
-/// Opens `metrics.jsonl` for appending, without the lines of steps after `done`.
-fn open_metrics(path: &Path, done: u32) -> Result<File> {
-    let kept = if done > 0 { read_metrics(path)? } else { String::new() };
-    let is_earlier = |line: &&str| {
-        let value: Value = serde_json::from_str(line).unwrap_or_default();
-        match value["event"].as_str() {
-            Some("started" | "warning") => true,
-            Some("finished") | None => false,
-            _ => value["step"].as_u64().is_some_and(|step| step <= u64::from(done)),
-        }
-    };
-    let kept: String = kept.lines().filter(is_earlier).flat_map(|line| [line, "\n"]).collect();
-    atomic_file::write(path, kept.as_bytes())?;
-    File::options().append(true).open(path).map_err(|e| Error::io(path, e))
 }

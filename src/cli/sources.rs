@@ -1,123 +1,24 @@
 //! Loads the scene that a user names: a run, a checkpoint or an asset. Rendering, exporting and verifying start here.
 
-use super::capture::{self, Capture, LoadOptions};
-use super::config_file::RunConfig;
-use super::devices;
-use super::log::Log;
-use super::memory::machine_bytes;
-use super::run_folder::find_checkpoint;
-use super::summary::Summary;
-use litetex_exporters::{AssetCamera, Format, Provenance, ReadLimits};
-use litetex_gs::backend::{Backend, RenderOptions};
-use litetex_gs::model::{AdamState, Model};
-use litetex_gs::train::checkpoint;
-use litetex_gs::verify::{BakedScene, CaptureIdentity, PSNR_TEST, bake_checkpoint, cameras_from_strings};
+use litetex_exporters::{Format, ReadLimits};
+use litetex_gs::backend::Backend;
+use litetex_gs::console::Log;
+use litetex_gs::console::device;
+use litetex_gs::dataset::{Capture, LoadOptions};
+use litetex_gs::memory::machine_bytes;
+use litetex_gs::run::Trained;
+use litetex_gs::verify::BakedScene;
 use litetex_gs::{Error, Report, Result};
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-/// A trained scene as its checkpoint holds it.
-pub struct Trained {
-    /// The checkpoint.
-    pub path: PathBuf,
-    /// Steps done.
-    pub step: u32,
-    /// The scene; lazy updates may be pending.
-    pub model: Model,
-    /// The optimiser, from which pending updates are flushed.
-    pub adam: AdamState,
-    /// Settings of the run.
-    pub config: RunConfig,
-    /// The capture that it was trained on.
-    pub identity: CaptureIdentity,
-    /// Cameras of the run.
-    pub cameras: Vec<AssetCamera>,
-}
-
-impl Trained {
-    /// Loads a checkpoint, or the last one of a run.
-    ///
-    /// # Errors
-    /// [`Error::Io`], [`Error::InvalidInput`], [`Error::Unsupported`].
-    pub fn load(source: &Path) -> Result<Self> {
-        if source.is_file() && Format::from_path(source).is_some() {
-            return Err(Error::unsupported(
-                source,
-                "an asset; expected the folder of a run, or one of its checkpoints (step-*.safetensors)",
-            ));
-        }
-        let path = find_checkpoint(source)?;
-        let (state, strings) = checkpoint::load_without_history(&path)?;
-        let config = config_of(&path, &strings)?;
-        let identity = CaptureIdentity::from_strings(&path, &strings)?;
-        let cameras = cameras_from_strings(&path, &strings)?;
-        Ok(Self { path, step: state.step, model: state.model, adam: state.adam, config, identity, cameras })
-    }
-
-    /// A backend that holds the scene.
-    ///
-    /// # Errors
-    /// What the device reports.
-    pub fn on_device(&self, name: &str, log: &Log) -> Result<Box<dyn Backend>> {
-        let mut backend = devices::open(name, log)?;
-        backend.upload(&self.model, &self.adam)?;
-        Ok(backend)
-    }
-
-    /// The capture that it was trained on, in its old place or `elsewhere`.
-    ///
-    /// # Errors
-    /// What the loader found; [`Error::Usage`] if it is another capture.
-    pub fn open_capture(&self, elsewhere: Option<&Path>) -> Result<Capture> {
-        let path = match elsewhere {
-            Some(path) => path,
-            None => self.config.data()?,
-        };
-        let capture = capture::open(path, &self.config.capture)?;
-        self.identity.check_frame(&CaptureIdentity::new(&capture, capture.capture_from_local))?;
-        Ok(capture)
-    }
-
-    /// What an asset states about its training.
-    fn provenance(&self) -> Provenance {
-        let config = &self.config;
-        let name = config.data.as_deref().and_then(Path::file_name).unwrap_or_default();
-        let name = name.to_string_lossy().into_owned();
-        let train = &config.train;
-        let mut training = BTreeMap::from([
-            ("steps".to_owned(), self.step.to_string()),
-            ("profile".to_owned(), config.profile.name().to_owned()),
-            ("policy".to_owned(), train.policy.to_string()),
-            ("seed".to_owned(), train.seed.to_string()),
-        ]);
-        if let Some(psnr) = self.test_psnr() {
-            training.insert(PSNR_TEST.to_owned(), format!("{psnr:.3}"));
-        }
-        Provenance { title: name.clone(), source: name, training, ..Provenance::default() }
-    }
-
-    /// The test PSNR in the summary of the run, if it belongs to the checkpoint's step.
-    fn test_psnr(&self) -> Option<f64> {
-        let run = self.path.parent()?.parent()?;
-        let summary = Summary::read(&run.join("summary.json")).ok()?;
-        (summary.steps == self.step).then_some(summary.quality?.psnr)
-    }
-}
-
-/// The settings that a checkpoint carries.
+/// A backend that holds a trained scene.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] if they are missing or unreadable.
-pub fn config_of(path: &Path, strings: &BTreeMap<String, String>) -> Result<RunConfig> {
-    let text = strings
-        .get("config")
-        .ok_or_else(|| Error::invalid(path, "the checkpoint carries no settings (\"config\")"))?;
-    RunConfig::parse(path, text)
-}
-
-/// Render options of a model.
-pub fn render_options(model: &Model, background: [f32; 3], geometry: bool) -> RenderOptions {
-    RenderOptions { background, sh_degree: model.splats.sh_degree(), geometry }
+/// What the device reports.
+pub fn on_device(trained: &Trained, name: &str, log: &Log) -> Result<Box<dyn Backend>> {
+    let mut backend = device::open(name, log)?;
+    backend.upload(&trained.model, &trained.adam)?;
+    Ok(backend)
 }
 
 /// Whether a path is that of an asset, not of a run or a checkpoint.
@@ -135,14 +36,7 @@ pub fn load_scene(source: &Path, log: &Log) -> Result<(BakedScene, Option<Traine
     }
     let trained = Trained::load(source)?;
     let mut report = Report::default();
-    let asset = bake_checkpoint(
-        devices::open("cpu", log)?.as_mut(),
-        (&trained.model, &trained.adam),
-        trained.cameras.clone(),
-        trained.config.train.background,
-        trained.provenance(),
-        &mut report,
-    )?;
+    let asset = trained.bake(device::open("cpu", log)?.as_mut(), &mut report)?;
     log.report(&report);
     Ok((BakedScene { asset, path: trained.path.clone(), contents: None }, Some(trained)))
 }
@@ -208,7 +102,7 @@ pub fn open_photos(
         (Some(trained), _) if named.is_some() || trained.config.data().is_ok_and(Path::is_dir) => {
             trained.open_capture(named)?
         }
-        (None, Some(folder)) => capture::open(folder, &load_options(scene))?,
+        (None, Some(folder)) => Capture::load(folder, &load_options(scene))?,
         _ => return Ok(None),
     };
     log.report(&capture.report);

@@ -1,14 +1,11 @@
 //! Arguments of `litetex train`, and how they change the settings of a run.
 
-use super::capture::InitSource;
 use super::capture_args::{CaptureArgs, set};
-use super::config_file::{RunConfig, SaveImages};
-use super::profile::Profile;
-use super::values::{
-    Background, parse_backdrop, parse_background, parse_count, parse_duration_secs, parse_exposure,
-    parse_filter, parse_whole,
-};
+use super::training_values::{Background, parse_backdrop, parse_background, parse_exposure, parse_filter};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use litetex_gs::console::values::{parse_count, parse_duration_secs, parse_whole};
 use litetex_gs::model::Filter;
+use litetex_gs::run::{InitSource, Profile, RunConfig, SaveImages};
 use litetex_gs::train::density::Components;
 use litetex_gs::train::{Backdrop, Exposure, Policy, TrainConfig, policies};
 use litetex_gs::{Error, Result};
@@ -16,6 +13,12 @@ use std::path::PathBuf;
 
 fn policy_help() -> String {
     format!("How splats and texels are allocated: {} [default: litetex]", policies())
+}
+
+/// The names of the profiles, with their help.
+fn profile_parser() -> impl TypedValueParser<Value = Profile> {
+    let names = Profile::ALL.map(|profile| PossibleValue::new(profile.name()).help(profile.help()));
+    PossibleValuesParser::new(names).try_map(|name| name.parse::<Profile>())
 }
 
 /// Train a scene from a capture
@@ -54,7 +57,7 @@ pub struct TrainArgs {
     /// Print the address without opening the browser, on whose command line other users of the machine may see it
     #[arg(long, requires = "view", help_heading = "Viewer")]
     pub no_open: bool,
-    /// Stop at once when standard input ends: "litetex bench" starts its runs this way
+    /// Stop at once when standard input ends: "litetex-lab bench" starts its runs this way
     #[arg(long, hide = true)]
     pub end_with_stdin: bool,
     /// Device to compute on: auto, gpu, or a name listed by "litetex devices"
@@ -83,7 +86,7 @@ pub struct TrainingArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=3))]
     pub sh_degree: Option<u32>,
     /// Named set of defaults [default: default]
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", value_parser = profile_parser())]
     pub profile: Option<Profile>,
     #[arg(long, alias = "texture", value_name = "POLICY", help = policy_help())]
     pub policy: Option<Policy>,

@@ -1,14 +1,12 @@
 //! Resolves a call of `litetex train`: settings, run folder, and the state of the run to resume.
 
-use super::capture::Capture;
-use super::config_file::RunConfig;
-use super::log::Log;
-use super::run_folder::{
-    RunFolder, RunLock, checkpoints_after, find_checkpoint, holds_checkpoint, run_of_checkpoint,
-};
-use super::sources::config_of;
-use super::summary::Resumed;
 use super::train_args::TrainArgs;
+use litetex_gs::console::Log;
+use litetex_gs::dataset::Capture;
+use litetex_gs::run::{
+    Resumed, RunConfig, RunFolder, RunLock, checkpoints_after, config_of, find_checkpoint, holds_checkpoint,
+    run_of_checkpoint,
+};
 use litetex_gs::train::{TrainState, checkpoint};
 use litetex_gs::verify::CaptureIdentity;
 use litetex_gs::views::ViewSource;

@@ -1,12 +1,12 @@
 //! `litetex eval --training`: how well the training views are met.
 
-use super::capture::Capture;
 use super::extra_figures::ExtraFigures;
-use super::sources::{Trained, render_options};
-use super::table::Table;
 use litetex_gs::Result;
 use litetex_gs::backend::{Backend, RenderedImage};
+use litetex_gs::console::Table;
+use litetex_gs::dataset::Capture;
 use litetex_gs::eval::{ImagePair, psnr};
+use litetex_gs::run::Trained;
 use litetex_gs::views::{Split, ViewSource as _};
 
 /// Mean PSNR of the training views, dB.
@@ -21,7 +21,7 @@ impl ExtraFigures for TrainingViews {
     }
 
     fn finish(&mut self, trained: &Trained, backend: &mut dyn Backend, capture: &Capture) -> Result<()> {
-        let options = render_options(&trained.model, trained.config.train.background, false);
+        let options = trained.render_options();
         let views = capture.indices(Split::Train);
         let mut sum = 0.0;
         for &view in &views {

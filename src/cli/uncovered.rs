@@ -1,39 +1,17 @@
 //! The pixels of the test views that another run leaves uncovered, and the error of a run there.
 
-use super::capture::Capture;
 use super::extra_figures::ExtraFigures;
-use super::log::Log;
-use super::sources::{Trained, render_options};
-use super::table::{Table, path_text};
+use super::sources::on_device;
 use litetex_gs::Result;
-use litetex_gs::backend::{Backend, RenderOptions, RenderedImage};
-use litetex_gs::eval::{ImagePair, psnr_from_squares, squared_error, uncovered_pixels, uncovered_share};
+use litetex_gs::backend::RenderedImage;
+use litetex_gs::console::{Log, Table, path_text};
+use litetex_gs::dataset::Capture;
+use litetex_gs::eval::{ImagePair, psnr_from_squares, squared_error, uncovered_pixels};
+use litetex_gs::run::Trained;
 use litetex_gs::verify::CaptureIdentity;
 use litetex_gs::views::{Split, ViewSource as _};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-
-/// Training views that are looked at for uncovered pixels, at most.
-const TRAINING_VIEWS_MAX: usize = 16;
-
-/// Mean share of uncovered pixels over some training views of the scene in `backend`.
-///
-/// # Errors
-/// Whatever device and photos report.
-pub fn of_training_views(
-    backend: &mut dyn Backend,
-    capture: &Capture,
-    options: &RenderOptions,
-) -> Result<f64> {
-    let views = capture.indices(Split::Train);
-    let views: Vec<usize> = views.iter().copied().step_by(views.len().div_ceil(TRAINING_VIEWS_MAX)).collect();
-    let mut sum = 0.0;
-    for &view in &views {
-        let alpha = backend.render(&capture.camera(view), options)?.alpha;
-        sum += uncovered_share(&alpha, &*capture.target(view)?, options.background);
-    }
-    Ok(sum / views.len() as f64)
-}
 
 /// Uncovered pixels of another run, and sums over them.
 pub struct UncoveredArea {
@@ -59,8 +37,8 @@ impl UncoveredArea {
         log: &Log,
     ) -> Result<Self> {
         other.identity.check_frame(&CaptureIdentity::new(capture, capture.capture_from_local))?;
-        let mut backend = other.on_device(device, log)?;
-        let options = render_options(&other.model, other.config.train.background, false);
+        let mut backend = on_device(other, device, log)?;
+        let options = other.render_options();
         let mut masks = BTreeMap::new();
         for view in capture.indices(Split::Test) {
             let image = backend.render(&capture.camera(view), &options)?;

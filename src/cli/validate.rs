@@ -1,8 +1,8 @@
 //! `litetex validate`: checks a file against the rules of its format.
 
-use super::table::{Table, path_text, print_json};
 use litetex_exporters::{Issue, Severity, validate_file};
 use litetex_gs::Error;
+use litetex_gs::console::{Table, path_text, print_json};
 use std::path::PathBuf;
 
 /// Check a file against the rules of its format

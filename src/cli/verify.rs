@@ -1,15 +1,13 @@
 //! `litetex verify`: renders a file and the scene it was made from, and compares the images.
 
-use super::capture::Capture;
-use super::devices;
-use super::interrupt::Interrupt;
-use super::log::Log;
 use super::sources::{load_scene, open_photos, read_limits, read_scene};
-use super::table::{Table, path_text, print_json};
-use super::values::parse_decibels;
 use litetex_exporters::{AssetCamera, Format, SplatAsset, Transform, read_fallback};
 use litetex_gs::Error;
 use litetex_gs::bake::asset_cameras;
+use litetex_gs::console::device;
+use litetex_gs::console::values::parse_decibels;
+use litetex_gs::console::{Interrupt, Log, Table, path_text, print_json};
+use litetex_gs::dataset::Capture;
 use litetex_gs::verify::{
     ExpectedImages, PhotoPsnr, QualityLimits, ReadBack, SceneRenderer, Verdict, evenly_spread, verify,
 };
@@ -65,7 +63,7 @@ pub fn run(args: &VerifyArgs, log: &Log) -> anyhow::Result<()> {
     let views = evenly_spread(&cameras, args.views.map_or(usize::MAX, |v| v as usize));
     let interrupt = Interrupt::current();
     let go_on = || !interrupt.is_requested();
-    let mut renderer = SceneRenderer::new(devices::open(&args.device, log)?, &go_on);
+    let mut renderer = SceneRenderer::new(device::open(&args.device, log)?, &go_on);
     let fallback = read_fallback(&args.file, &read_limits()).map_err(Error::from)?;
     let read_back =
         ReadBack { asset: &file.asset, textured: format.keeps_textures(), fallback: fallback.as_ref() };

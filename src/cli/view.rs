@@ -1,15 +1,14 @@
 //! `litetex view`: shows a scene in the browser, and follows a run while it trains.
 
-use super::capture::Capture;
-use super::interrupt::Interrupt;
-use super::log::Log;
-use super::run_folder::is_run;
 use super::sources::{is_asset, load_scene, open_photos};
 use super::stamp::Stamp;
 use super::view_photos::{CapturePhotos, list};
 use super::view_run::RunWatch;
 use super::view_scene::{name_of, served};
 use crate::viewer::{Server, Shown};
+use litetex_gs::console::{Interrupt, Log};
+use litetex_gs::dataset::Capture;
+use litetex_gs::run::is_run;
 use litetex_gs::verify::BakedScene;
 use litetex_gs::{Error, Result};
 use std::io::{ErrorKind, Write};

@@ -1,10 +1,10 @@
 //! The photos of a capture as pages get them: as training sees them, in PNG.
 
-use super::capture::Capture;
 use crate::viewer::Photos;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder as _};
 use litetex_exporters::html::SessionPhoto;
+use litetex_gs::dataset::Capture;
 use litetex_gs::views::ViewSource as _;
 use std::io;
 use std::sync::Arc;

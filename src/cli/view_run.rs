@@ -1,16 +1,15 @@
 //! Follows the folder of a run: its newest scene, its progress, and whether its training still lives.
 
-use super::capture::{self, Capture};
-use super::config_file::RunConfig;
-use super::log::Log;
 use super::metrics_tail::MetricsTail;
-use super::run_folder::{PREVIEW, RunLock, find_checkpoint};
 use super::sources::load_scene;
 use super::stamp::Stamp;
 use super::view::{no_photos, not_shown, offer_photos};
 use super::view_scene::{LTGS, described, name_of, served};
 use crate::viewer::{AssetBytes, Shown};
 use litetex_exporters::html::{SessionAsset, TrainingState};
+use litetex_gs::console::Log;
+use litetex_gs::dataset::Capture;
+use litetex_gs::run::{PREVIEW, RunConfig, RunLock, find_checkpoint};
 use litetex_gs::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -111,5 +110,5 @@ fn open_capture(config: &RunConfig, named: Option<&Path>) -> Result<Capture, Err
         Some(folder) => folder,
         None => config.data()?,
     };
-    capture::open(folder, &config.capture)
+    Capture::load(folder, &config.capture)
 }

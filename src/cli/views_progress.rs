@@ -2,11 +2,11 @@
 //! every few seconds, or JSON.
 
 use super::asset_args::AssetArgs;
-use super::log::Log;
 use super::progress::{BAR_INTERVAL, LINE_INTERVAL, bar};
-use super::values::format_duration;
 use indicatif::ProgressBar;
 use litetex_exporters::{Format, SplatAsset};
+use litetex_gs::console::Log;
+use litetex_gs::text::format_duration;
 use litetex_gs::verify::{EXPORT_VIEWS, sh_bits_views};
 use serde_json::json;
 use std::cell::Cell;

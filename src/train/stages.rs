@@ -2,10 +2,10 @@
 
 use super::{Schedule, TrainConfig};
 use crate::frequency::FrequencySchedule;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Consecutive steps with one render scale and one texture cap.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StageSpan {
     /// First step, from 1.
     pub first_step: u32,

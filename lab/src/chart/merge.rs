@@ -1,7 +1,7 @@
 //! Merges the lines of several files of results into one list of distinct runs.
 
-use crate::Report;
 use crate::results::{self, Record};
+use litetex_gs::Report;
 use std::collections::HashMap;
 
 /// The last lines of all keys, in the order of the matrices.

@@ -2,8 +2,8 @@
 //! photos may have changed in between.
 
 use super::scale::counted;
-use crate::Report;
 use crate::results::Record;
+use litetex_gs::Report;
 use serde_json::Value;
 use std::collections::{HashMap, HashSet};
 

@@ -41,9 +41,9 @@ const TABLES: &str = "tables.md";
 pub const MANIFEST: &str = ".chart-files";
 
 use crate::results::Record;
-use crate::{Report, Result};
 use heat::HeatMap;
 use html::Part;
+use litetex_gs::{Report, Result};
 use std::collections::HashSet;
 use study::Study;
 
@@ -62,7 +62,7 @@ pub struct Output {
 /// What the runs make of the checks, as a table in Markdown; empty without checks.
 ///
 /// # Errors
-/// [`crate::Error::Usage`] if no run succeeded.
+/// [`litetex_gs::Error::Usage`] if no run succeeded.
 pub fn checks_markdown(records: Vec<Record>, cases: Vec<Case>) -> Result<String> {
     let options = Options { cases, ..Options::default() };
     let study = Study::new(vec![records], &options)?;
@@ -73,7 +73,7 @@ pub fn checks_markdown(records: Vec<Record>, cases: Vec<Case>) -> Result<String>
 /// Makes all charts and tables of the lines of one or several files.
 ///
 /// # Errors
-/// [`crate::Error::Usage`] if no run succeeded, or no variant is called like the baseline.
+/// [`litetex_gs::Error::Usage`] if no run succeeded, or no variant is called like the baseline.
 pub fn build(files: Vec<Vec<Record>>, options: &Options) -> Result<Output> {
     let study = Study::new(files, options)?;
     let heat = HeatMap::new(&study, &options.cases);

@@ -2,8 +2,8 @@
 //! one would ruin every mean and every axis.
 
 use super::scale::counted;
-use crate::Report;
 use crate::results::Record;
+use litetex_gs::Report;
 use serde_json::Value;
 
 /// Largest plausible quality figure, in dB or as an index.

@@ -8,7 +8,7 @@ use super::scale::Quantity;
 use super::stats::Stats;
 use super::{mismatch, plausible};
 use crate::results::{Hardware, Record, Status};
-use crate::{Error, Report, Result};
+use litetex_gs::{Error, Report, Result};
 
 /// The clock that training time is read from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -1,4 +1,4 @@
-//! The measurements of `litetex bench-kernels`: counts by the kernels themselves, times by the device's and the
+//! The measurements of `litetex-lab bench-kernels`: counts by the kernels themselves, times by the device's and the
 //! wall clock, and bytes by the model of [`Traffic`].
 
 mod budget;

@@ -1,0 +1,111 @@
+//! Messages on standard error, as text or as one JSON object per line. Results go to standard output, through
+//! `table`.
+
+use crate::text::printable;
+use indicatif::ProgressBar;
+use serde_json::{Value, json};
+use std::cell::RefCell;
+use std::io::Write;
+
+/// Form of the messages.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum LogFormat {
+    /// Plain text
+    Text,
+    /// One JSON object per line
+    Json,
+}
+
+/// Writer of messages.
+pub struct Log {
+    format: LogFormat,
+    quiet: bool,
+    verbosity: u8,
+    /// A progress bar that is hidden while a message is written.
+    bar: RefCell<Option<ProgressBar>>,
+}
+
+impl Log {
+    /// A log of messages in one form; `quiet` leaves errors and warnings.
+    pub fn new(format: LogFormat, quiet: bool, verbosity: u8) -> Self {
+        Self { format, quiet, verbosity, bar: RefCell::new(None) }
+    }
+
+    /// Form of the messages.
+    pub fn format(&self) -> LogFormat {
+        self.format
+    }
+
+    /// Whether messages are JSON.
+    pub fn is_json(&self) -> bool {
+        self.format == LogFormat::Json
+    }
+
+    /// Whether only errors and warnings are written.
+    pub fn is_quiet(&self) -> bool {
+        self.quiet
+    }
+
+    /// Shares the terminal with a progress bar, or with none any more.
+    pub fn attach_bar(&self, bar: Option<ProgressBar>) {
+        *self.bar.borrow_mut() = bar;
+    }
+
+    /// Writes what ended the command.
+    pub fn error(&self, message: &str) {
+        self.write("error", &format!("error: {message}"), json!({ "message": message }));
+    }
+
+    /// Writes a problem that does not end the command.
+    pub fn warn(&self, code: &str, message: &str, count: usize) {
+        let text = format!("warning: {message}");
+        self.write("warning", &text, json!({ "code": code, "message": message, "count": count }));
+    }
+
+    /// Writes all warnings of a report.
+    pub fn report(&self, report: &crate::Report) {
+        for w in &report.warnings {
+            self.warn(&w.code, &w.message, w.count);
+        }
+    }
+
+    /// Writes what is going on.
+    pub fn info(&self, message: &str) {
+        self.event("info", message, json!({ "message": message }));
+    }
+
+    /// Writes what is going on in detail (`-v`).
+    pub fn detail(&self, message: &str) {
+        if self.verbosity > 0 {
+            self.info(message);
+        }
+    }
+
+    /// Writes a typed event: `text` for people, `fields` for machines.
+    pub fn event(&self, event: &str, text: &str, fields: Value) {
+        if !self.quiet {
+            self.write(event, text, fields);
+        }
+    }
+
+    fn write(&self, event: &str, text: &str, mut fields: Value) {
+        let line = match self.format {
+            // Errors of parsers have several lines; nothing else may move the cursor.
+            LogFormat::Text => printable(text, &['\n']).into_owned(),
+            LogFormat::Json => {
+                fields["event"] = json!(event);
+                fields.to_string()
+            }
+        };
+        let print = || write_line(&line);
+        match &*self.bar.borrow() {
+            Some(bar) => bar.suspend(print),
+            None => print(),
+        }
+    }
+}
+
+/// Writes a line to standard error; if that is closed there is no one to report it to.
+pub fn write_line(line: &str) {
+    let _ = writeln!(std::io::stderr(), "{line}");
+}

@@ -1,0 +1,191 @@
+//! Values on the command line: durations, sizes in bytes, counts, colours, sizes in pixels. Text in, numbers out; nothing
+//! here opens a file.
+
+use std::num::{IntErrorKind, ParseIntError};
+use std::str::FromStr;
+
+/// Reads a time as seconds: "90", "90s", "20m", "1.5h", "1h30m".
+pub fn parse_duration_secs(text: &str) -> Result<f64, String> {
+    let wrong = || format!("{text:?}: expected a time like 90s, 20m or 1h30m");
+    let mut secs = 0.0;
+    let mut rest = text.trim();
+    if let Ok(plain) = rest.parse::<f64>() {
+        return positive(plain).ok_or_else(wrong);
+    }
+    while !rest.is_empty() {
+        let digits = rest.find(|c: char| !(c.is_ascii_digit() || c == '.'));
+        let (number, unit) = rest.split_at(digits.ok_or_else(wrong)?);
+        let number: f64 = number.parse().map_err(|_| wrong())?;
+        let factor = match unit.chars().next() {
+            Some('h') => 3600.0,
+            Some('m') => 60.0,
+            Some('s') => 1.0,
+            _ => return Err(wrong()),
+        };
+        secs += number * factor;
+        rest = &unit[1..];
+    }
+    positive(secs).ok_or_else(wrong)
+}
+
+fn positive(x: f64) -> Option<f64> {
+    (x.is_finite() && x > 0.0).then_some(x)
+}
+
+/// Reads a size as bytes: "4GiB", "512MiB", "2GB", "1000000".
+pub fn parse_bytes(text: &str) -> Result<u64, String> {
+    const UNITS: [(&str, f64); 9] = [
+        ("KiB", 1024.0),
+        ("MiB", 1_048_576.0),
+        ("GiB", 1_073_741_824.0),
+        ("kB", 1e3),
+        ("KB", 1e3),
+        ("MB", 1e6),
+        ("GB", 1e9),
+        ("TB", 1e12),
+        ("B", 1.0),
+    ];
+    let text = text.trim();
+    let (number, factor) = UNITS
+        .iter()
+        .find_map(|(unit, factor)| text.strip_suffix(unit).map(|number| (number, *factor)))
+        .unwrap_or((text, 1.0));
+    match number.trim().parse::<f64>() {
+        Ok(n) if n >= 0.0 && n * factor < 1e18 => Ok((n * factor) as u64),
+        _ => Err(format!("{text:?}: expected a size like 4GiB, 512MiB or 2GB")),
+    }
+}
+
+/// Reads a count: "5000", "500k", "1.5M".
+pub fn parse_count(text: &str) -> Result<usize, String> {
+    let expected = || format!("{text:?}: expected a number of at least 1, such as 5000, 500k or 1.5M");
+    let (digits, unit) = match text.char_indices().next_back() {
+        Some((at, 'k' | 'K')) => (&text[..at], 1e3),
+        Some((at, 'm' | 'M')) => (&text[..at], 1e6),
+        _ => (text, 1.0),
+    };
+    let number: f64 = digits.trim().parse().map_err(|_| expected())?;
+    let count = number * unit;
+    if (1.0..=1e12).contains(&count) { Ok(count as usize) } else { Err(expected()) }
+}
+
+/// Reads a whole number: "0", "42". clap repeats the text in front of the message.
+pub fn parse_whole<T: FromStr<Err = ParseIntError>>(text: &str) -> Result<T, String> {
+    text.parse().map_err(|e: ParseIntError| match e.kind() {
+        IntErrorKind::PosOverflow => "the number is too large".to_owned(),
+        _ => "expected a whole number of at least 0".to_owned(),
+    })
+}
+
+/// Reads a colour, display space: "black", "white", "#rrggbb" or "r,g,b" with numbers from 0 to 1.
+pub fn parse_colour(text: &str) -> Result<[f32; 3], String> {
+    let wrong = || format!("{text:?}: expected black, white, #rrggbb or r,g,b with numbers from 0 to 1");
+    match text {
+        "black" => return Ok([0.0; 3]),
+        "white" => return Ok([1.0; 3]),
+        _ => {}
+    }
+    if let Some(hex) = text.strip_prefix('#') {
+        if hex.len() != 6 || !hex.is_ascii() {
+            return Err(wrong());
+        }
+        let value = u32::from_str_radix(hex, 16).map_err(|_| wrong())?;
+        return Ok([16, 8, 0].map(|shift| ((value >> shift) & 255) as f32 / 255.0));
+    }
+    let numbers: Vec<f32> =
+        text.split(',').map(|part| part.trim().parse().map_err(|_| wrong())).collect::<Result<_, _>>()?;
+    match numbers[..] {
+        [r, g, b] if numbers.iter().all(|x| (0.0..=1.0).contains(x)) => Ok([r, g, b]),
+        _ => Err(wrong()),
+    }
+}
+
+/// Size of an image to make.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ImageSize {
+    /// The longer side, pixels; the aspect ratio is kept.
+    Longer(u32),
+    /// Width and height, pixels.
+    Exact(u32, u32),
+}
+
+/// Reads decibels: "0.1dB", "0.1 dB" or "0.1".
+pub fn parse_decibels(text: &str) -> Result<f64, String> {
+    let lower = text.trim().to_ascii_lowercase();
+    let number = lower.strip_suffix("db").unwrap_or(&lower).trim_end();
+    let value = number.parse::<f64>().ok().filter(|v| v.is_finite() && *v >= 0.0);
+    value.ok_or_else(|| format!("{text:?}: expected decibels, such as 0.1dB"))
+}
+
+/// Reads the size of an image: "960" (longer side) or "1920x1080".
+pub fn parse_image_size(text: &str) -> Result<ImageSize, String> {
+    let side = |part: &str| part.parse().ok().filter(|px| (1..=32_768).contains(px));
+    let size = match text.split_once('x') {
+        Some((w, h)) => side(w).zip(side(h)).map(|(w, h)| ImageSize::Exact(w, h)),
+        None => side(text).map(ImageSize::Longer),
+    };
+    size.ok_or_else(|| format!("{text:?}: expected WIDTHxHEIGHT or the longer side, 1 to 32768"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn durations_are_parsed() {
+        assert_eq!(parse_duration_secs("90"), Ok(90.0));
+        assert_eq!(parse_duration_secs("20m"), Ok(1200.0));
+        assert_eq!(parse_duration_secs("1h30m"), Ok(5400.0));
+        assert_eq!(parse_duration_secs("0.5s"), Ok(0.5));
+        for wrong in ["", "m", "-3", "0", "3d", "1h30", "nan", "inf", "1é"] {
+            assert!(parse_duration_secs(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn byte_sizes_are_parsed() {
+        assert_eq!(parse_bytes("4GiB"), Ok(4 << 30));
+        assert_eq!(parse_bytes("1.5 MiB"), Ok(3 << 19));
+        assert_eq!(parse_bytes("2GB"), Ok(2_000_000_000));
+        assert_eq!(parse_bytes("17"), Ok(17));
+        for wrong in ["", "GiB", "-1GiB", "1e30GiB", "4Gi"] {
+            assert!(parse_bytes(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn whole_numbers_are_parsed() {
+        assert_eq!((parse_whole("0"), parse_whole("42")), (Ok(0_u64), Ok(42_usize)));
+        for wrong in ["", "-1", "1.5", "x"] {
+            assert!(parse_whole::<u64>(wrong).unwrap_err().contains("at least 0"), "{wrong}");
+        }
+        assert!(parse_whole::<u64>("18446744073709551616").unwrap_err().contains("too large"));
+    }
+
+    #[test]
+    fn colours() {
+        assert_eq!(parse_colour("white"), Ok([1.0; 3]));
+        assert_eq!(parse_colour("#ff0033"), Ok([1.0, 0.0, 0.2]));
+        assert_eq!(parse_colour("0, 0.5,1"), Ok([0.0, 0.5, 1.0]));
+        for wrong in ["", "red", "#ff00", "#ééé", "1,2,3", "0,0", "0,0,nan"] {
+            assert!(parse_colour(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn decibels_are_parsed() {
+        assert_eq!(["0.1dB", " 40 db", "3"].map(parse_decibels), [Ok(0.1), Ok(40.0), Ok(3.0)]);
+        for wrong in ["", "dB", "-1dB", "nan", "1 bel"] {
+            assert!(parse_decibels(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn image_sizes_are_parsed() {
+        assert_eq!(parse_image_size("960"), Ok(ImageSize::Longer(960)));
+        assert_eq!(parse_image_size("17x13"), Ok(ImageSize::Exact(17, 13)));
+        for wrong in ["", "0", "x", "10x", "40000", "3x-1"] {
+            assert!(parse_image_size(wrong).is_err(), "{wrong}");
+        }
+    }
+}

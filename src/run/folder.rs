@@ -1,0 +1,490 @@
+//! The folder of a run: its layout, its lock, and what may be deleted. The contents of the files are written elsewhere.
+
+use super::config::{FILE_BYTES_MAX, RunConfig};
+use super::evaluations::{
+    StagedFolder, entries, entries_or_none, is_folder, name_of, name_of_step, remove_evaluation, remove_file,
+    remove_if_empty, remove_staged, step_of_name,
+};
+use crate::{Error, Result, atomic_file, input_file};
+use std::fs::{self, File, TryLockError};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// Files that a run writes next to the folders of its checkpoints and evaluations.
+const FILES: [&str; 4] = ["config.toml", "metrics.jsonl", "summary.json", PREVIEW];
+/// The model of a training that is under way, as its page shows it: a `.ltgs` file that is replaced every few seconds.
+pub const PREVIEW: &str = "preview.ltgs";
+const CHECKPOINTS: &str = "checkpoints";
+const EVALUATIONS: &str = "eval";
+/// The file that a training keeps locked. The lock ends with the process; the file stays and does no harm.
+const LOCK: &str = ".litetex-train.lock";
+/// How often, and after which pauses, a lock that is taken is tried again.
+const LOCK_TRIES: u32 = 5;
+const LOCK_PAUSE: Duration = Duration::from_millis(10);
+
+/// The folder of a run, locked against other trainings until it is dropped.
+#[derive(Debug)]
+pub struct RunFolder {
+    root: PathBuf,
+    _lock: RunLock,
+}
+
+/// Keeps other trainings out of a folder until it is dropped or the process ends.
+#[derive(Debug)]
+pub struct RunLock(#[expect(dead_code, reason = "holds the lock")] File);
+
+impl RunLock {
+    /// Locks a folder that exists.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if another training holds the lock or the place of its file is taken, [`Error::Io`].
+    pub fn take(root: &Path) -> Result<Self> {
+        let path = root.join(LOCK);
+        atomic_file::check_place(&path)?;
+        let file = File::options().write(true).create(true).truncate(false).open(&path);
+        let file = file.map_err(|e| Error::io(&path, e))?;
+        // Whoever asks whether the lock is taken holds it for a moment.
+        let mut outcome = file.try_lock();
+        for _ in 0..LOCK_TRIES {
+            if !matches!(outcome, Err(TryLockError::WouldBlock)) {
+                break;
+            }
+            std::thread::sleep(LOCK_PAUSE);
+            outcome = file.try_lock();
+        }
+        match outcome {
+            Err(TryLockError::WouldBlock) => Err(Error::Usage(format!(
+                "{}: another training is writing into this folder; wait until it ends, or choose another folder with \
+                 --out",
+                root.display()
+            ))),
+            // Not every file system has locks; two trainings in one folder are the user's risk there.
+            Ok(()) | Err(TryLockError::Error(_)) => Ok(Self(file)),
+        }
+    }
+
+    /// Whether a training is writing into a folder. Where file systems have no locks, the answer is no.
+    pub fn is_taken(root: &Path) -> bool {
+        let file = File::open(root.join(LOCK));
+        file.is_ok_and(|file| matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock)))
+    }
+}
+
+impl RunFolder {
+    /// Refuses a folder that a new run may not use. Changes nothing.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for a folder that is not empty, unless it holds a run and `force` is set; [`Error::Io`].
+    pub fn check_free(root: &Path, force: bool) -> Result<()> {
+        if is_empty_or_missing(root)? {
+            return Ok(());
+        }
+        let refuse = |what: &str| Err(Error::Usage(format!("{}: {what}", root.display())));
+        match (is_run(root), force) {
+            (true, true) => Ok(()),
+            (true, false) => {
+                refuse("the folder already holds a run; --force replaces it, --resume continues it")
+            }
+            (false, true) => refuse(
+                "the folder is not empty and holds no run; --force replaces only runs, choose another folder",
+            ),
+            (false, false) => refuse("the folder is not empty; choose another"),
+        }
+    }
+
+    /// Makes the folder of a new run and, with `force`, deletes the files of the run in it.
+    ///
+    /// # Errors
+    /// As [`RunFolder::check_free`] and [`RunLock::take`].
+    pub fn create(root: &Path, force: bool) -> Result<Self> {
+        Self::check_free(root, force)?;
+        fs::create_dir_all(root).map_err(|e| Error::io(root, e))?;
+        let lock = RunLock::take(root)?;
+        // Another training may have begun between the first check and the lock.
+        Self::check_free(root, force)?;
+        let folder = Self::reopen(root, lock)?;
+        folder.delete_run()?;
+        Ok(folder)
+    }
+
+    /// The folder of a run that is continued; leftovers of an interrupted evaluation and an old preview are deleted.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if the place of a file is taken by a device, a pipe or a folder; [`Error::Io`].
+    pub fn reopen(root: &Path, lock: RunLock) -> Result<Self> {
+        FILES.iter().try_for_each(|name| atomic_file::check_place(&root.join(name)))?;
+        let folder = Self { root: root.to_owned(), _lock: lock };
+        remove_staged(&folder.root.join(EVALUATIONS))?;
+        remove_file(&folder.root.join(PREVIEW))?;
+        Ok(folder)
+    }
+
+    /// The folder itself.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// Path of the resolved settings.
+    pub fn config(&self) -> PathBuf {
+        self.root.join("config.toml")
+    }
+
+    /// Path of the events, one JSON object per line.
+    pub fn metrics(&self) -> PathBuf {
+        self.root.join("metrics.jsonl")
+    }
+
+    /// Path of the result.
+    pub fn summary(&self) -> PathBuf {
+        self.root.join("summary.json")
+    }
+
+    /// Folder with the images and figures of the evaluation after `step`.
+    pub fn eval(&self, step: u32) -> PathBuf {
+        self.root.join(EVALUATIONS).join(name_of_step(step))
+    }
+
+    /// Path of the checkpoint after `step`; its folder is made.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn checkpoint(&self, step: u32) -> Result<PathBuf> {
+        let folder = self.root.join(CHECKPOINTS);
+        fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, e))?;
+        Ok(folder.join(format!("step-{step:06}.safetensors")))
+    }
+
+    /// An empty folder that becomes [`RunFolder::eval`] when it is complete.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn stage_eval(&self, step: u32) -> Result<StagedFolder> {
+        StagedFolder::new(self.eval(step))
+    }
+
+    /// Deletes the checkpoints, their histories and the evaluations of later steps.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn remove_after(&self, step: u32) -> Result<()> {
+        for entry in entries_or_none(&self.root.join(CHECKPOINTS))? {
+            if step_of_checkpoint_file(&entry).is_some_and(|s| s > step) {
+                remove_file(&entry)?;
+            }
+        }
+        for entry in entries_or_none(&self.root.join(EVALUATIONS))? {
+            if step_of_evaluation(&entry).is_some_and(|s| s > step) {
+                remove_evaluation(&entry, true)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Deletes the images of an evaluation; its table stays.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn drop_images(&self, step: u32) -> Result<()> {
+        remove_evaluation(&self.eval(step), false)
+    }
+
+    /// Deletes what a run has written. Anything else stays, and with it the folders that hold it.
+    fn delete_run(&self) -> Result<()> {
+        for name in FILES {
+            remove_file(&self.root.join(name))?;
+        }
+        let checkpoints = self.root.join(CHECKPOINTS);
+        for entry in entries_or_none(&checkpoints)? {
+            let is_leftover =
+                name_of(&entry).is_some_and(|n| n.starts_with(".step-") && n.ends_with(".part"));
+            if is_leftover || step_of_checkpoint_file(&entry).is_some() {
+                remove_file(&entry)?;
+            }
+        }
+        let evaluations = self.root.join(EVALUATIONS);
+        for entry in entries_or_none(&evaluations)? {
+            if step_of_evaluation(&entry).is_some() {
+                remove_evaluation(&entry, true)?;
+            }
+        }
+        remove_if_empty(&checkpoints)?;
+        remove_if_empty(&evaluations)
+    }
+}
+
+/// Refuses a folder that holds something, for commands that fill an empty one. Changes nothing.
+///
+/// # Errors
+/// [`Error::Usage`], [`Error::Io`].
+pub fn check_empty(folder: &Path) -> Result<()> {
+    if is_empty_or_missing(folder)? {
+        return Ok(());
+    }
+    Err(Error::Usage(format!("{}: the folder is not empty; choose another", folder.display())))
+}
+
+/// Whether a folder does not exist or holds nothing but the file of a lock.
+fn is_empty_or_missing(folder: &Path) -> Result<bool> {
+    if folder.as_os_str().is_empty() {
+        return Err(Error::Usage(
+            "the name of the output folder is empty; name a folder, or . for this one".into(),
+        ));
+    }
+    if !folder.exists() {
+        return Ok(true);
+    }
+    if !folder.is_dir() {
+        return Err(Error::Usage(format!("{}: is a file, expected a folder", folder.display())));
+    }
+    Ok(entries(folder)?.iter().all(|entry| name_of(entry) == Some(LOCK)))
+}
+
+/// Whether a run has written into a folder: the first thing it writes are its settings, with the version.
+pub fn is_run(folder: &Path) -> bool {
+    let file = folder.join("config.toml");
+    let Ok(text) = input_file::read_text(&file, FILE_BYTES_MAX) else { return false };
+    let settings = text.parse::<toml::Table>().unwrap_or_default();
+    // Settings of other programs may have both, but not only keys of ours.
+    settings.contains_key("version")
+        && settings.contains_key("train")
+        && RunConfig::parse(&file, &text).is_ok()
+}
+
+/// The checkpoint that a file is, or the last one in the folder of a run.
+///
+/// # Errors
+/// [`Error::InvalidInput`] if there is none, [`Error::Io`].
+pub fn find_checkpoint(path: &Path) -> Result<PathBuf> {
+    if path.is_file() {
+        return Ok(path.to_owned());
+    }
+    if !path.exists() {
+        return Err(Error::io(path, std::io::ErrorKind::NotFound.into()));
+    }
+    checkpoints(path)?.pop().map(|(_, file)| file).ok_or_else(|| {
+        Error::invalid(path, "no checkpoint: expected checkpoints/step-*.safetensors in the folder of a run")
+    })
+}
+
+/// Checkpoints of a run after `step`, in order.
+///
+/// # Errors
+/// [`Error::Io`].
+pub fn checkpoints_after(run: &Path, step: u32) -> Result<Vec<PathBuf>> {
+    Ok(checkpoints(run)?.into_iter().filter(|(s, _)| *s > step).map(|(_, file)| file).collect())
+}
+
+/// Checkpoints of a run with their steps, in order.
+fn checkpoints(run: &Path) -> Result<Vec<(u32, PathBuf)>> {
+    let all = entries_or_none(&run.join(CHECKPOINTS))?.into_iter();
+    let mut found: Vec<_> = all.filter_map(|p| Some((step_of(&p, ".safetensors")?, p))).collect();
+    found.sort();
+    Ok(found)
+}
+
+/// The run's folder that a checkpoint lies in, if it does; absolute, since of `checkpoints/step-000300.safetensors` alone
+/// it would have no name.
+pub fn run_of_checkpoint(checkpoint: &Path) -> Option<PathBuf> {
+    let absolute = std::path::absolute(checkpoint).ok()?;
+    let folder = absolute.parent()?;
+    // The folder of the checkpoints may be a link to another disk, and `..` has no name of its own.
+    let run_of = |folder: &Path| {
+        let run = folder.file_name().filter(|name| *name == CHECKPOINTS).and(folder.parent());
+        run.map(Path::to_owned)
+    };
+    run_of(folder).or_else(|| run_of(&folder.canonicalize().ok()?))
+}
+
+/// Whether a checkpoint is among the files of the folder of a run, under whatever name, and so would be deleted with them.
+pub fn holds_checkpoint(run: &Path, checkpoint: &Path) -> bool {
+    let Ok(checkpoint) = checkpoint.canonicalize() else { return false };
+    [run, &run.join(CHECKPOINTS)].iter().any(|f| f.canonicalize().is_ok_and(|f| checkpoint.starts_with(f)))
+}
+
+/// The step of a checkpoint or of its history.
+fn step_of_checkpoint_file(path: &Path) -> Option<u32> {
+    step_of(path, ".safetensors").or_else(|| step_of(path, ".history.json"))
+}
+
+fn step_of(path: &Path, suffix: &str) -> Option<u32> {
+    name_of(path)?.strip_prefix("step-")?.strip_suffix(suffix)?.parse().ok()
+}
+
+/// The step of a folder with an evaluation. A link to a folder is none: what lies there is not the run's.
+fn step_of_evaluation(path: &Path) -> Option<u32> {
+    name_of(path).filter(|_| is_folder(path)).and_then(step_of_name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::run::view_files::PER_VIEW;
+
+    /// Of one view, `a/0001.jpg`.
+    const TABLE: &str =
+        "name,psnr,grad_psnr,ssim_3dgs,ssim_valid,flip,psnr_corrected,uncovered\na/0001.jpg,1,1,1,1,1,,\n";
+
+    /// A folder with files of these names.
+    fn folder_with(names: &[&str]) -> tempfile::TempDir {
+        let dir = tempfile::tempdir().unwrap();
+        for name in names {
+            let path = dir.path().join(name);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            let text = match path.file_name().and_then(|name| name.to_str()) {
+                Some("config.toml") => "version = \"0.1.0\"\n[train]\n",
+                Some(PER_VIEW) => TABLE,
+                _ => "x",
+            };
+            fs::write(path, text).unwrap();
+        }
+        dir
+    }
+
+    fn files_below(folder: &Path) -> Vec<String> {
+        let mut found = Vec::new();
+        for entry in entries(folder).unwrap() {
+            let name = name_of(&entry).unwrap().to_owned();
+            match entry.is_dir() {
+                true => found.extend(files_below(&entry).into_iter().map(|n| format!("{name}/{n}"))),
+                false => found.push(name),
+            }
+        }
+        found.sort();
+        found
+    }
+
+    #[test]
+    fn force_replaces_a_run_and_nothing_else() {
+        let foreign = ["checkpoints/best.pt", "eval/notes.txt", "summary.json"];
+        let dir = folder_with(&foreign);
+        for force in [false, true] {
+            let error = RunFolder::create(dir.path(), force).unwrap_err();
+            assert!(error.exit_code() == 2 && error.to_string().contains("not empty"), "{error}");
+        }
+        assert_eq!(files_below(dir.path()), foreign);
+
+        let dir = folder_with(&[
+            "config.toml",
+            "metrics.jsonl",
+            "summary.json",
+            PREVIEW,
+            "checkpoints/step-000010.safetensors",
+            "checkpoints/step-000010.history.json",
+            "checkpoints/.step-000020.safetensors.7.part",
+            "checkpoints/step-final.safetensors",
+            "eval/000010/a/0001.png",
+            "eval/000010/error/a/0001.png",
+            "eval/000010/per_view.csv",
+            "eval/000010/comparison.png",
+            "eval/000010/notes.txt",
+            "eval/2024/trip.png",
+            "eval/20240101/trip/beach.png",
+            "thesis.doc",
+        ]);
+        let error = RunFolder::create(dir.path(), false).unwrap_err();
+        assert!(error.exit_code() == 2 && error.to_string().contains("--force"), "{error}");
+        drop(RunFolder::create(dir.path(), true).unwrap());
+        let left = [
+            LOCK,
+            "checkpoints/step-final.safetensors",
+            "eval/000010/comparison.png",
+            "eval/000010/notes.txt",
+            "eval/2024/trip.png",
+            "eval/20240101/trip/beach.png",
+            "thesis.doc",
+        ];
+        assert_eq!(files_below(dir.path()), left);
+    }
+
+    #[test]
+    fn settings_of_another_program_make_no_run() {
+        for (settings, is_ours) in [
+            ("version = \"1.0\"\n[train]\nlearning_rate = 0.1\n", false),
+            ("version = \"1.0\"\n[package]\n", false),
+            ("[train]\nsteps = 3\n", false),
+            ("version = \"1.0\"\n", false),
+            ("version = \"0.1.0\"\n[train]\nsteps = 3\n", true),
+        ] {
+            let dir = folder_with(&["config.toml", "metrics.jsonl"]);
+            fs::write(dir.path().join("config.toml"), settings).unwrap();
+            let outcome = RunFolder::create(dir.path(), true);
+            assert_eq!(outcome.is_ok(), is_ours, "{settings}: {outcome:?}");
+            assert_eq!(dir.path().join("metrics.jsonl").exists(), !is_ours);
+        }
+    }
+
+    #[test]
+    fn a_folder_without_a_name_is_refused() {
+        let error = RunFolder::check_free(Path::new(""), true).unwrap_err();
+        assert!(error.exit_code() == 2 && error.to_string().contains("is empty"), "{error}");
+    }
+
+    #[test]
+    fn the_run_of_a_checkpoint_is_found_under_any_name() {
+        let dir =
+            folder_with(&["run/checkpoints/step-000010.safetensors", "run/checkpoints/old/x", "other/x"]);
+        let at = |name: &str| dir.path().join(name);
+        let run = at("run").canonicalize().unwrap();
+        for name in ["step-000010.safetensors", "old/../step-000010.safetensors"] {
+            let checkpoint = at("run/checkpoints").join(name);
+            assert_eq!(run_of_checkpoint(&checkpoint).unwrap().canonicalize().unwrap(), run, "{name}");
+            assert!(holds_checkpoint(&run, &checkpoint), "{name}");
+            assert!(!holds_checkpoint(&at("other"), &checkpoint), "{name}");
+        }
+        let here = std::env::current_dir().unwrap();
+        assert_eq!(run_of_checkpoint(Path::new("checkpoints/step-000010.safetensors")), Some(here));
+        assert_eq!(run_of_checkpoint(&at("other/step-000010.safetensors")), None);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn pipes_in_the_place_of_files_are_refused_and_stay() {
+        let config = "config.toml";
+        for name in [LOCK, "metrics.jsonl", "summary.json"] {
+            let dir = folder_with(&[config]);
+            let pipe = dir.path().join(name);
+            assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+            let error = RunFolder::create(dir.path(), true).unwrap_err();
+            let named = error.to_string().contains(name) && error.to_string().contains("pipe");
+            assert!(error.exit_code() == 2 && named, "{error}");
+            assert!(pipe.exists() && dir.path().join(config).exists());
+        }
+    }
+
+    #[test]
+    fn a_folder_is_locked_as_long_as_a_run_uses_it() {
+        let dir = tempfile::tempdir().unwrap();
+        let first = RunFolder::create(dir.path(), false).unwrap();
+        let error = RunFolder::create(dir.path(), true).unwrap_err();
+        let named = error.to_string().contains(&dir.path().display().to_string());
+        assert!(error.exit_code() == 2 && named, "{error}");
+        drop(first);
+        // The file is still there.
+        assert_eq!(files_below(dir.path()), [LOCK]);
+        RunFolder::create(dir.path(), false).unwrap();
+    }
+
+    #[test]
+    fn the_last_checkpoint_is_the_one_with_the_highest_step() {
+        let dir = tempfile::tempdir().unwrap();
+        assert_eq!(find_checkpoint(dir.path()).unwrap_err().exit_code(), 3);
+        let run = RunFolder::create(dir.path(), false).unwrap();
+        for step in [999_999, 1_000_000, 300] {
+            fs::write(run.checkpoint(step).unwrap(), "").unwrap();
+        }
+        fs::write(dir.path().join("checkpoints/.step-2000000.safetensors.1.part"), "").unwrap();
+        let last = find_checkpoint(dir.path()).unwrap();
+        assert!(last.ends_with("checkpoints/step-1000000.safetensors"));
+        assert_eq!(run_of_checkpoint(&last).as_deref(), Some(dir.path()));
+        assert_eq!(checkpoints_after(dir.path(), 300).unwrap().len(), 2);
+        fs::write(dir.path().join("checkpoints/step-999999.history.json"), "").unwrap();
+        for step in [300, 999_999] {
+            fs::create_dir_all(run.eval(step)).unwrap();
+            fs::write(run.eval(step).join(PER_VIEW), TABLE).unwrap();
+        }
+        run.remove_after(300).unwrap();
+        assert!(find_checkpoint(dir.path()).unwrap().ends_with("step-000300.safetensors"));
+        assert!(run.eval(300).exists() && !run.eval(999_999).exists());
+        assert!(!dir.path().join("checkpoints/step-999999.history.json").exists());
+    }
+}

@@ -1,0 +1,232 @@
+//! The end of a training: what remains to be measured, and its summary.
+
+use super::recorder::{Recorder, UNCOVERED_MIN_STEPS, reason_name};
+use super::summary::{
+    CaptureFigures, DiskBytes, Fps, GrowthFigures, Quality, Resumed, SCHEMA, Size, Summary, Times,
+};
+use super::trained::render_options;
+use crate::backend::{Backend, RenderOptions};
+use crate::dataset::Capture;
+use crate::eval::uncovered_share;
+use crate::memory::process_bytes;
+use crate::model::{Model, TextureMap};
+use crate::text::format_count;
+use crate::train::{Schedule, StopReason, TrainConfig, TrainState};
+use crate::verify::bake_checkpoint;
+use crate::views::{Split, ViewSource};
+use crate::{Report, Result, Warning};
+use litetex_exporters::ltgs::{LtgsOptions, encode};
+use litetex_exporters::{Provenance, Quality as AssetQuality};
+use std::time::Instant;
+
+/// Training views that are looked at for uncovered pixels, at most.
+const UNCOVERED_VIEWS_MAX: usize = 16;
+
+impl Recorder<'_> {
+    /// Ends a run: measures coverage where no test view did, the speed of rendering and the sizes of files, unless it was
+    /// interrupted, and writes `summary.json`. `report` holds the warnings from before the training.
+    ///
+    /// # Errors
+    /// What rendering and writing report.
+    pub fn finish(
+        &mut self,
+        backend: &mut dyn Backend,
+        capture: &Capture,
+        (state, reason): (&TrainState, StopReason),
+        resumed: Option<Resumed>,
+        mut report: Report,
+    ) -> Result<Summary> {
+        let config = self.config;
+        let is_trained = reason != StopReason::Consumer && state.step >= UNCOVERED_MIN_STEPS;
+        if is_trained && capture.indices(Split::Test).is_empty() {
+            let options = render_options(&state.model, config.train.background, false);
+            let share = uncovered_of_training_views(backend, capture, &options)?;
+            self.warn_of_uncovered_pixels("training", share, "more steps may close the gaps")?;
+        }
+        if let Some(message) = over_budget(&config.train, state.model.num_params()) {
+            self.warn(Warning { code: "budget-exceeded".to_owned(), message, count: 1 })?;
+        }
+        report.merge(std::mem::take(&mut self.report));
+        let mut summary = self.summarise(backend, capture, (state, reason))?;
+        (summary.resumed, summary.warnings) = (resumed, report.warnings);
+        summary.time.total_wall_secs = (self.total_wall_secs)();
+        summary.write(&self.folder.summary())?;
+        Ok(summary)
+    }
+
+    /// The summary without what only the end of the command knows.
+    fn summarise(
+        &self,
+        backend: &mut dyn Backend,
+        capture: &Capture,
+        (state, reason): (&TrainState, StopReason),
+    ) -> Result<Summary> {
+        let config = self.config;
+        let train = &config.train;
+        let schedule = Schedule::new(train, capture.indices(Split::Train).len());
+        let fps = match reason {
+            StopReason::Consumer => None,
+            _ => measure_fps(backend, capture, state, train.background)?,
+        };
+        let memory_peak_bytes = process_bytes().map(|(_, peak)| peak);
+        let disk = match reason {
+            StopReason::Consumer => None,
+            _ => disk_bytes(backend, state)?,
+        };
+        Ok(Summary {
+            schema: SCHEMA.to_owned(),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            scene: capture.name.clone(),
+            capture: capture_figures(capture),
+            resample: "area".to_owned(),
+            background: train.background,
+            device: backend.device(),
+            seed: train.seed,
+            steps: state.step,
+            steps_planned: train.steps,
+            profile: config.profile,
+            policy: train.policy,
+            components: train.active_components(),
+            inactive: schedule.inactive(train),
+            outlying_views: self.outlying_views(),
+            map_sides: map_sides(&state.model),
+            stopped_by: reason_name(reason).to_owned(),
+            quality: self.evaluation.as_ref().map(Quality::from),
+            size: Size {
+                splats: state.model.num_splats(),
+                texels: state.model.num_texels(),
+                maps: state.model.size().maps,
+                sh_coefficients: state.model.size().sh_coefficients,
+                params: state.model.num_params(),
+                params_published: state.model.size().params_published(),
+                disk,
+            },
+            growth: GrowthFigures::new(&state.growth, train, state.step, schedule.densify_until),
+            given_back: state.history.given_back.clone(),
+            fps,
+            curve: state.history.curve.clone(),
+            resumed: None,
+            memory_peak_bytes,
+            warnings: Vec::new(),
+            time: Times {
+                train_wall_secs: state.history.train_wall_secs,
+                train_cpu_secs: state.history.train_cpu_secs,
+                density_control_wall_secs: state.history.density_control_wall_secs,
+                give_back_wall_secs: state.history.give_back_wall_secs,
+                analysis_wall_secs: state.history.analysis_wall_secs,
+                total_wall_secs: 0.0,
+            },
+        })
+    }
+}
+
+/// Sizes of the scene's files; `None` for a scene that no file can hold.
+fn disk_bytes(backend: &mut dyn Backend, state: &TrainState) -> Result<Option<DiskBytes>> {
+    let model = (&state.model, &state.adam);
+    let provenance = Provenance::default();
+    let asset = bake_checkpoint(backend, model, Vec::new(), [0.0; 3], provenance, &mut Report::default())?;
+    let bytes = |quality| {
+        let file = encode(&asset, &LtgsOptions { quality, ..LtgsOptions::default() });
+        file.ok().map(|file| file.len())
+    };
+    let both = bytes(AssetQuality::Balanced).zip(bytes(AssetQuality::Tiny));
+    Ok(both.map(|(ltgs_balanced, ltgs_tiny)| DiskBytes { ltgs_balanced, ltgs_tiny }))
+}
+
+fn capture_figures(capture: &Capture) -> CaptureFigures {
+    let sizes = (0..capture.num_views()).map(|v| capture.camera(v).pinhole);
+    let (width_px, height_px) = sizes.fold((0, 0), |(w, h), p| (w.max(p.width_px), h.max(p.height_px)));
+    CaptureFigures {
+        path: capture.root.display().to_string(),
+        format: capture.format.to_string(),
+        train_views: capture.indices(Split::Train).len(),
+        test_views: capture.indices(Split::Test).len(),
+        width_px,
+        height_px,
+        points: capture.points.len(),
+    }
+}
+
+/// Number of splats by the longer side of their map: none, 2, up to 4, 8, ... 256 texels.
+fn map_sides(model: &Model) -> Vec<usize> {
+    let mut counts = vec![0; TextureMap::SIDE_CLASSES + 1];
+    model.textures.maps.iter().for_each(|map| counts[map.side_class()] += 1);
+    counts
+}
+
+/// Times renders of the test views, 8 to 64, after one that does not count.
+fn measure_fps(
+    backend: &mut dyn Backend,
+    capture: &Capture,
+    state: &TrainState,
+    background: [f32; 3],
+) -> Result<Option<Fps>> {
+    let test = capture.indices(Split::Test);
+    let Some(&first) = test.first() else {
+        return Ok(None);
+    };
+    let options = render_options(&state.model, background, false);
+    backend.render(&capture.camera(first), &options)?;
+    let renders = test.len().clamp(8, 64);
+    let mut secs = Vec::new();
+    for &view in test.iter().cycle().take(renders) {
+        let camera = capture.camera(view);
+        let start = Instant::now();
+        backend.render(&camera, &options)?;
+        secs.push(start.elapsed().as_secs_f64().max(1e-9));
+    }
+    secs.sort_by(f64::total_cmp);
+    let figures = capture_figures(capture);
+    Ok(Some(Fps {
+        median: 1.0 / secs[renders / 2],
+        p5: 1.0 / secs[(renders - 1) * 95 / 100],
+        renders,
+        width_px: figures.width_px,
+        height_px: figures.height_px,
+    }))
+}
+
+/// Mean share of uncovered pixels over some training views of the scene in `backend`.
+fn uncovered_of_training_views(
+    backend: &mut dyn Backend,
+    capture: &Capture,
+    options: &RenderOptions,
+) -> Result<f64> {
+    let views = capture.indices(Split::Train);
+    let views: Vec<usize> =
+        views.iter().copied().step_by(views.len().div_ceil(UNCOVERED_VIEWS_MAX)).collect();
+    let mut sum = 0.0;
+    for &view in &views {
+        let alpha = backend.render(&capture.camera(view), options)?.alpha;
+        sum += uncovered_share(&alpha, &*capture.target(view)?, options.background);
+    }
+    Ok(sum / views.len() as f64)
+}
+
+/// A warning if a run ended before its model was brought down to the budget.
+fn over_budget(config: &TrainConfig, params: usize) -> Option<String> {
+    let most = config.budget.max_params.filter(|&most| params > most)?;
+    Some(format!(
+        "the model has {} parameters, more than --budget-params {}: the run ended before its last round of giving \
+         back; give it more time, or fewer --steps",
+        format_count(params as u64),
+        format_count(most as u64)
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::train::density::Budget;
+
+    #[test]
+    fn a_model_above_its_budget_is_told() {
+        let of = |max_params| {
+            let budget = Budget { max_params, ..Budget::default() };
+            over_budget(&TrainConfig { budget, ..TrainConfig::default() }, 5001)
+        };
+        let found = of(Some(5000)).unwrap();
+        assert!(found.contains("5,001 parameters") && found.contains("--budget-params 5,000"), "{found}");
+        assert_eq!([of(Some(5001)), of(None)], [None, None]);
+    }
+}

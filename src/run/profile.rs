@@ -1,0 +1,191 @@
+//! Named sets of defaults. A profile replaces the defaults before any other option applies; `config.toml` records its
+//! settings one by one.
+
+use crate::backend::LossWeights;
+use crate::frequency::{CapRule, FrequencyOptions, StartRule};
+use crate::model::Filter;
+use crate::train::density::{DensityConfig, ErrorMeasure, GrowthMoments, Spending, SplitProfile, Splits};
+use crate::train::{Backdrop, Policy, TrainConfig};
+use serde::{Deserialize, Serialize};
+use std::str::FromStr;
+
+/// A named set of defaults.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Profile {
+    /// The settings that measured best.
+    #[default]
+    Default,
+    /// Constants and rules as published.
+    Paper,
+    /// Closer to the program behind the published tables.
+    Authors,
+    /// Content-aware texturing (CAT), the method's predecessor.
+    Cat,
+    /// Faster, at slightly lower quality.
+    Fast,
+}
+
+impl Profile {
+    /// All profiles.
+    pub const ALL: [Self; 5] = [Self::Default, Self::Paper, Self::Authors, Self::Cat, Self::Fast];
+
+    /// One line for people.
+    pub fn help(self) -> &'static str {
+        match self {
+            Self::Default => "The settings that measured best",
+            Self::Paper => "Constants and rules as published",
+            Self::Authors => {
+                "Closer to the program behind the published tables: immediate pruning, warm restarts, error mass, generous \
+                 ceilings; its crops, interval and initial maps are not reproduced"
+            }
+            Self::Cat => "Content-aware texturing (CAT), the method's predecessor",
+            Self::Fast => "Faster, at slightly lower quality",
+        }
+    }
+
+    /// Name on the command line and in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Default => "default",
+            Self::Paper => "paper",
+            Self::Authors => "authors",
+            Self::Cat => "cat",
+            Self::Fast => "fast",
+        }
+    }
+
+    /// Replaces all settings that profiles decide, so that nothing of another profile is left.
+    pub fn apply(self, config: &mut TrainConfig) {
+        let TrainConfig {
+            policy,
+            components,
+            density,
+            scheduler,
+            sweep,
+            backdrop,
+            exposure,
+            filter,
+            loss,
+            rates,
+            ..
+        } = TrainConfig::default();
+        *config = TrainConfig {
+            policy,
+            components,
+            density,
+            scheduler,
+            sweep,
+            backdrop,
+            exposure,
+            filter,
+            loss,
+            rates,
+            ..config.clone()
+        };
+        if matches!(self, Self::Paper | Self::Authors | Self::Cat) {
+            config.sweep = false;
+            config.backdrop = Backdrop::None;
+            config.filter = Filter::None;
+            config.rates.position_random = config.rates.position;
+        }
+        let paper = || DensityConfig {
+            quantile: 0.85,
+            alpha_texture: crate::constants::ALPHA_MIN,
+            growth_moments: GrowthMoments::Kept,
+            untextured: false,
+            error: ErrorMeasure::Mean,
+            split_profile: SplitProfile::Paper,
+            splits: Splits::Long,
+            spending: Spending::SplitsFirst,
+            respawn: false,
+            ceiling_start: 2,
+            sh_below: 0.0,
+            sh_raise: 0.0,
+            grow_by_axis: 0.0,
+            give_back_db: 0.0,
+            ..DensityConfig::default()
+        };
+        match self {
+            Self::Default => {}
+            Self::Paper => {
+                config.density = paper();
+                config.scheduler = FrequencyOptions::paper();
+                config.loss = LossWeights::PUBLISHED;
+            }
+            Self::Authors => {
+                config.density = DensityConfig {
+                    growth_moments: GrowthMoments::Zero,
+                    error: ErrorMeasure::Mass,
+                    ceiling_start: 32,
+                    patience_steps: 0,
+                    ..paper()
+                };
+                config.scheduler = FrequencyOptions {
+                    cap_rule: CapRule::Authors,
+                    start_rule: StartRule::Quantile,
+                    quantile: 0.0,
+                    ..FrequencyOptions::paper()
+                };
+                config.loss = LossWeights { mse: 0.03, ..LossWeights::PUBLISHED };
+            }
+            Self::Cat => {
+                config.policy = Policy::Cat;
+                config.loss = LossWeights::PUBLISHED;
+                config.density = DensityConfig {
+                    growth_moments: GrowthMoments::Zero,
+                    error: ErrorMeasure::Mass,
+                    quantile: 0.9,
+                    split_texels: [64.0, 32.0],
+                    densify_until: 25_000,
+                    texture_start: 500,
+                    opacity_floor: [1.0 / 255.0; 2],
+                    // Its maps end at sqrt(ln(255 o)) standard deviations, where alpha is 0.02 to 0.06.
+                    alpha_texture: 0.05,
+                    ..paper()
+                };
+            }
+            Self::Fast => {
+                // Images stay small for longer: until step 27,000 of the schedule's 30,000. Splats are split and maps refined at
+                // the same steps as always, except for what depends on the image size, such as the finest texel.
+                config.scheduler.until = 27_000;
+            }
+        }
+    }
+}
+
+impl FromStr for Profile {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let found = Self::ALL.into_iter().find(|profile| profile.name() == text);
+        found.ok_or_else(|| format!("{text:?}: expected {}", Self::ALL.map(Self::name).join(", ")))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn published_profiles_have_nothing_that_is_ours() {
+        let density = |profile: Profile| {
+            let mut config = TrainConfig::default();
+            profile.apply(&mut config);
+            config.density
+        };
+        for profile in [Profile::Paper, Profile::Authors, Profile::Cat] {
+            let density = density(profile);
+            assert_eq!(density.splits, Splits::Long);
+            let ours = [
+                density.sh_below,
+                density.sh_raise,
+                density.grow_by_axis,
+                density.give_back_db,
+                density.need_db,
+            ];
+            assert_eq!(ours, [0.0; 5]);
+        }
+        assert_eq!(density(Profile::Default), DensityConfig::default());
+    }
+}

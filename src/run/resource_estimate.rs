@@ -1,0 +1,496 @@
+//! Memory and time that training will take, predicted before it starts. Memory counts the arrays that exist
+//! in each phase of a run (checking the photos, analysis, training, evaluation), at the start and at the
+//! size that the model is expected to reach; time rests on three measured rates. The peak grows over the first steps,
+//! because the allocator keeps what it cannot return: runs of a few steps stay up to 40 % below the estimate, which is that
+//! of longer ones (16 views of 1600 x 1200, --image-cache 64MiB: 12 steps 533 MiB, 100 steps 709, 400 steps 788).
+
+use crate::dataset::Capture;
+use crate::model::{MAP_PARAMS, Model, ModelSize, TEXEL_PARAMS, splat_params};
+use crate::text::{format_bytes, format_count, format_duration};
+use crate::train::density::{Budget, MapRule};
+use crate::train::{DensityStep, Schedule, TrainConfig};
+use crate::views::{Split, ViewSource as _};
+use crate::{Error, Result};
+
+/// CPU seconds of the `cpu` backend per step, per pixel and step, and per splat and step, fitted to
+/// measurements (2 cores, AVX-512). Measured, and what the model gives: 270 x 480 with 14,553 splats 0.119 s
+/// (0.091); 539 x 960 with 14,553 splats 0.29 s (0.25); 400 x 400 with 20,000 splats before a mostly black
+/// background 0.065 s (0.11); 960 x 710 with 3,673 splats 0.24 s (0.31); 320 x 240 with 4,000 splats 0.06 s
+/// (0.053). How many splats cover a pixel is not known beforehand, so it cannot be much better.
+const CPU_SECS_PER_STEP: f64 = 0.015;
+const CPU_SECS_PER_PIXEL: f64 = 0.42e-6;
+const CPU_SECS_PER_SPLAT: f64 = 1.5e-6;
+
+/// Memory that does not depend on the capture: the program, its threads and what the allocator keeps.
+const BASE_BYTES: u64 = 34 << 20;
+
+/// Bytes per pixel of a view in training: photo, image, gradient, SSIM's windows, kept blending state. And
+/// for each thread, what the allocator keeps of earlier phases.
+const BYTES_PER_PIXEL: u64 = 66;
+const BYTES_PER_PIXEL_AND_THREAD: u64 = 27;
+/// Bytes per splat of a view in training: projection, its gradient, about eight tile pairs with partial sums.
+const BYTES_PER_SPLAT: u64 = 1600;
+/// More of it where the model gives back: the model before, what its parts cost, merges on trial. Fitted to fox, 300 steps
+/// with 300,000 parameters: `litetex` with up to 25,000 splats 223 MiB, `plain` with up to 39,000 228 MiB.
+const GIVING_BACK_BYTES_PER_SPLAT: u64 = 1400;
+
+/// Bytes per pixel and thread while a photo's spectrum is taken: three planes, weights, gradients and the
+/// transform, all in f64.
+const ANALYSIS_BYTES_PER_PIXEL: u64 = 56;
+
+/// Views evaluated at once, and bytes per pixel of each: colour and alpha in f32.
+const EVALUATED_VIEWS: u64 = 4;
+const RENDERED_BYTES_PER_PIXEL: u64 = 16;
+/// Bytes per pixel and thread while a view is compared with its photo: SSIM's moments in f64, FLIP's images.
+const QUALITY_BYTES_PER_PIXEL: u64 = 80;
+
+/// Reduced copies of the photos are kept up to this size (`train::targets`).
+const REDUCED_BYTES_MAX: u64 = 1 << 30;
+
+/// Without a budget: splats at the end over splats at the start (published runs: 209,000 from about 115,000
+/// points), and texels for each (published: 78; fox, 270 x 480, 500 steps: 100). How much detail the photos
+/// hold is not known beforehand; few views that contradict each other can take several times as much.
+const EXPECTED_GROWTH: u64 = 2;
+const EXPECTED_TEXELS_EACH: u64 = 100;
+/// The same where growth is drawn (fox and lego at 160 to 480 pixels: 3.6 to 4.9).
+const EXPECTED_DRAWN_TEXELS_EACH: u64 = 4;
+
+/// What is going to be trained.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Workload {
+    /// Splats at the start.
+    pub splats: u64,
+    /// Texels at the start.
+    pub texels: u64,
+    /// Parameters of a splat without its map, on average.
+    pub splat_params: u64,
+    /// Largest view.
+    pub pixels_max: u64,
+    /// Mean over the training views.
+    pub pixels_mean: f64,
+    /// Training views.
+    pub train_views: u64,
+    /// Test views.
+    pub test_views: u64,
+    /// Bound of the image cache.
+    pub cache_limit_bytes: u64,
+    /// Memory for decoding as many photos at once as may be decoded at once.
+    pub decoding_bytes: u64,
+    /// Whether the model gives back what it does not miss.
+    pub gives_back: bool,
+    /// Whether the photos are analysed, and reduced for the first stages.
+    pub is_scheduled: bool,
+    /// Steps to do.
+    pub steps: u32,
+    /// Worker threads.
+    pub threads: u64,
+    /// Whether this machine's CPU computes; of the speed of other devices nothing is known.
+    pub on_cpu: bool,
+}
+
+/// Memory and time at one size of the model.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Resources {
+    /// The model.
+    pub model_bytes: u64,
+    /// Adam's moments.
+    pub optimiser_bytes: u64,
+    /// Gradients of all parameters.
+    pub gradient_bytes: u64,
+    /// The copy that a checkpoint is written from.
+    pub copy_bytes: u64,
+    /// Decoded photos.
+    pub image_cache_bytes: u64,
+    /// Photos reduced to the size of a stage.
+    pub reduced_photos_bytes: u64,
+    /// The largest need of a phase, next to what is always there.
+    pub phase_bytes: u64,
+    /// All of it.
+    pub total_bytes: u64,
+    /// Null for devices other than the CPU.
+    pub cpu_secs: Option<f64>,
+    /// Null for devices other than the CPU.
+    pub wall_secs: Option<f64>,
+}
+
+impl Workload {
+    /// Training this model on the views of a capture.
+    pub fn new(model: &Model, capture: &Capture, config: &TrainConfig, steps: u32, on_cpu: bool) -> Self {
+        let pixels = |v: usize| capture.camera(v).pinhole.num_pixels() as u64;
+        let train = capture.indices(Split::Train);
+        let sum: u64 = train.iter().map(|&v| pixels(v)).sum();
+        let threads = rayon::current_num_threads();
+        let bare = ModelSize { maps: 0, texels: 0, ..model.size() };
+        Self {
+            splats: model.num_splats() as u64,
+            texels: model.num_texels() as u64,
+            splat_params: (bare.params() / bare.splats.max(1)) as u64,
+            pixels_max: (0..capture.num_views()).map(pixels).max().unwrap_or(0),
+            pixels_mean: sum as f64 / train.len().max(1) as f64,
+            train_views: train.len() as u64,
+            test_views: (capture.num_views() - train.len()) as u64,
+            cache_limit_bytes: capture.cache_limit_bytes(),
+            decoding_bytes: capture.decoding_bytes(threads),
+            gives_back: config.density.give_back_db > 0.0,
+            is_scheduled: config.active_components().scheduler,
+            steps,
+            threads: threads as u64,
+            on_cpu,
+        }
+    }
+
+    /// The same with the model at the size that it is expected to reach, within its budget.
+    pub fn grown(&self, config: &TrainConfig) -> Self {
+        let budget = &Schedule::new(config, self.train_views as usize).budget(config, 0);
+        let bound = |most: Option<usize>| most.map_or(u64::MAX, |most| most as u64);
+        let relocates = config.policy.spec().step == DensityStep::Relocate;
+        let has_budget = budget.max_splats.is_some() || budget.max_params.is_some();
+        let wanted = if config.draws_growth() || (relocates && has_budget) {
+            u64::MAX / 64
+        } else if relocates && *budget == Budget::default() {
+            self.splats
+        } else {
+            EXPECTED_GROWTH * self.splats
+        };
+        // Splats give back bands that they do not need, soon after these were trained.
+        let splat_params = self.splat_params.min(splat_params(config.least_sh_degree()) as u64);
+        let grown = Self { splat_params, ..*self };
+        let texels_each =
+            if config.draws_growth() { EXPECTED_DRAWN_TEXELS_EACH } else { EXPECTED_TEXELS_EACH };
+        let splats = wanted.min(bound(budget.max_splats)).min(bound(budget.max_params) / grown.params(1, 0));
+        let texels = match config.policy.spec().map_rule {
+            MapRule::None => 0,
+            MapRule::Fixed(side) => splats.saturating_mul(u64::from(side).pow(2)),
+            MapRule::Adaptive => splats.saturating_mul(texels_each).max(self.texels),
+        };
+        let texels = texels.min(bound(budget.max_texels));
+        // Splats and texels share what the parameters allow as they would share it without a bound.
+        let now = grown.params(self.splats, self.texels) as f64;
+        let then = grown.params(splats, texels) as f64;
+        let most = bound(budget.max_params) as f64;
+        let share = if then > most { ((most - now) / (then - now)).max(0.0) } else { 1.0 };
+        let part = |now: u64, then: u64| (now as f64 + share * (then as f64 - now as f64)) as u64;
+        Self { splats: part(self.splats, splats), texels: part(self.texels, texels), ..grown }
+    }
+
+    /// Parameters of a model of this size, in which every splat has a map or none.
+    fn params(&self, splats: u64, texels: u64) -> u64 {
+        let map = if texels > 0 { MAP_PARAMS } else { 0 };
+        splats * (self.splat_params + map as u64) + TEXEL_PARAMS as u64 * texels
+    }
+
+    /// Memory and time of this workload.
+    pub fn resources(&self) -> Resources {
+        let parameters = 4 * (self.splats * self.splat_params + 3 * self.texels);
+        let model_bytes = parameters + 12 * self.splats;
+        let optimiser_bytes = 2 * parameters + 4 * self.splats;
+        let bytes_per_photo = (3.0 * self.pixels_mean) as u64;
+        let image_cache_bytes =
+            ((self.train_views + self.test_views) * bytes_per_photo).min(self.cache_limit_bytes);
+        let reduced_photos_bytes = match self.is_scheduled {
+            true => (self.train_views * bytes_per_photo).min(REDUCED_BYTES_MAX).min(self.cache_limit_bytes),
+            false => 0,
+        };
+        let copy_bytes = model_bytes + optimiser_bytes;
+        let phase_bytes = self.phase_bytes(parameters + copy_bytes + reduced_photos_bytes);
+        let cpu_secs = self.on_cpu.then(|| self.cpu_secs());
+        Resources {
+            model_bytes,
+            optimiser_bytes,
+            gradient_bytes: parameters,
+            copy_bytes,
+            image_cache_bytes,
+            reduced_photos_bytes,
+            phase_bytes,
+            total_bytes: BASE_BYTES + model_bytes + optimiser_bytes + image_cache_bytes + phase_bytes,
+            cpu_secs,
+            wall_secs: cpu_secs.map(|secs| secs / self.threads.max(1) as f64),
+        }
+    }
+
+    /// What the hungriest phase needs next to model, optimiser and image cache. `training_bytes` are the arrays
+    /// of training that do not depend on the view; freed ones count in evaluation too, for the allocator keeps
+    /// what is freed piece by piece.
+    fn phase_bytes(&self, training_bytes: u64) -> u64 {
+        let analysis = match self.is_scheduled {
+            true => self.pixels_max * ANALYSIS_BYTES_PER_PIXEL * self.threads.min(self.train_views),
+            false => 0,
+        };
+        let per_pixel = BYTES_PER_PIXEL + BYTES_PER_PIXEL_AND_THREAD * self.threads;
+        let giving_back = if self.gives_back { GIVING_BACK_BYTES_PER_SPLAT } else { 0 };
+        let per_splat = BYTES_PER_SPLAT + giving_back;
+        let training = training_bytes + self.pixels_max * per_pixel + self.splats * per_splat;
+        let held = self.test_views.min(EVALUATED_VIEWS);
+        let comparing = held.min(self.threads);
+        let evaluation =
+            self.pixels_max * (RENDERED_BYTES_PER_PIXEL * held + QUALITY_BYTES_PER_PIXEL * comparing);
+        self.decoding_bytes.max(analysis).max(training + evaluation)
+    }
+
+    fn cpu_secs(&self) -> f64 {
+        let per_step = CPU_SECS_PER_STEP
+            + self.pixels_mean * CPU_SECS_PER_PIXEL
+            + self.splats as f64 * CPU_SECS_PER_SPLAT;
+        f64::from(self.steps) * per_step
+    }
+}
+
+/// Resources at the start and at the size that the model is expected to reach.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct ResourceEstimate {
+    /// At the start.
+    pub start: Resources,
+    /// At the size that the model is expected to reach.
+    pub grown: Resources,
+    /// Splats then.
+    pub grown_splats: u64,
+    /// Texels then.
+    pub grown_texels: u64,
+    /// Whether a budget bounds the model.
+    pub has_budget: bool,
+}
+
+impl ResourceEstimate {
+    /// The estimate for a workload with these settings.
+    pub fn new(workload: &Workload, config: &TrainConfig) -> Self {
+        let grown = workload.grown(config);
+        Self {
+            start: workload.resources(),
+            grown: grown.resources(),
+            grown_splats: grown.splats,
+            grown_texels: grown.texels,
+            has_budget: config.budget != Budget::default(),
+        }
+    }
+
+    /// One sentence.
+    pub fn describe(&self) -> String {
+        let basis = if self.has_budget { "within the budget" } else { "expected, no budget is set" };
+        format!(
+            "{}; {} with {} splats and {} texels ({basis})",
+            self.start.describe(),
+            format_bytes(self.grown.total_bytes),
+            format_count(self.grown_splats),
+            format_count(self.grown_texels)
+        )
+    }
+
+    /// A warning if the machine may not hold what the model may become. No reason to refuse: it may stay
+    /// smaller.
+    pub fn doubt(&self, machine_bytes: Option<u64>) -> Option<String> {
+        let have = machine_bytes.filter(|&have| self.grown.total_bytes > have)?;
+        Some(format!(
+            "the model may grow to need about {} ({} splats, {} texels), but this machine has {}: limit it with \
+             --budget-params, --max-splats or --max-texels",
+            format_bytes(self.grown.total_bytes),
+            format_count(self.grown_splats),
+            format_count(self.grown_texels),
+            format_bytes(have)
+        ))
+    }
+}
+
+impl Resources {
+    /// One sentence.
+    pub fn describe(&self) -> String {
+        let time =
+            self.wall_secs.map_or(String::new(), |s| format!(", about {} of training", format_duration(s)));
+        format!(
+            "estimate: {} of memory at the start (model {}, optimiser {}, photos {}, work {}){time}",
+            format_bytes(self.total_bytes),
+            format_bytes(self.model_bytes),
+            format_bytes(self.optimiser_bytes),
+            format_bytes(self.image_cache_bytes),
+            format_bytes(self.phase_bytes),
+        )
+    }
+
+    /// Refuses what the machine cannot hold.
+    ///
+    /// # Errors
+    /// [`Error::Device`] with the figures and what to change.
+    pub fn check(&self, machine_bytes: Option<u64>) -> Result<()> {
+        match machine_bytes {
+            Some(have) if self.total_bytes > have => Err(Error::Device(format!(
+                "training needs about {}, but this machine has {}: {}; lower --max-resolution, --image-cache or \
+                 the number of splats",
+                format_bytes(self.total_bytes),
+                format_bytes(have),
+                self.describe()
+            ))),
+            _ => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::train::density::DensityConfig;
+
+    const FOX: Workload = Workload {
+        splats: 14_686,
+        texels: 16 * 14_686,
+        splat_params: 58,
+        pixels_max: 270 * 480,
+        pixels_mean: 270.0 * 480.0,
+        train_views: 43,
+        test_views: 7,
+        cache_limit_bytes: 4 << 30,
+        decoding_bytes: 16 << 20,
+        gives_back: false,
+        is_scheduled: true,
+        steps: 300,
+        threads: 2,
+        on_cpu: true,
+    };
+
+    #[test]
+    fn a_scene_beyond_the_machines_memory_is_refused_with_figures() {
+        let resources = FOX.resources();
+        assert!(resources.total_bytes < 256 << 20, "{resources:?}");
+        assert!((10.0..60.0).contains(&resources.wall_secs.unwrap()), "{resources:?}");
+        assert!(resources.describe().contains("of training"));
+        let elsewhere = Workload { on_cpu: false, ..FOX }.resources();
+        assert!(elsewhere.wall_secs.is_none() && !elsewhere.describe().contains("of training"));
+        resources.check(Some(8 << 30)).unwrap();
+        resources.check(None).unwrap();
+        let huge = Workload { splats: 50_000_000, texels: 800_000_000, ..FOX };
+        let error = huge.resources().check(Some(8 << 30)).unwrap_err();
+        assert_eq!(error.exit_code(), 5);
+        assert!(error.to_string().contains("8.0 GiB"), "{error}");
+    }
+
+    #[test]
+    fn times_are_within_a_factor_of_two_of_the_measured_ones() {
+        for (pixels, splats, secs_per_step) in [
+            (270 * 480, 14_553, 0.119),
+            (539 * 960, 14_553, 0.29),
+            (400 * 400, 20_000, 0.065),
+            (960 * 710, 3_673, 0.24),
+            (320 * 240, 4_000, 0.06),
+        ] {
+            let scene = Workload { splats, pixels_mean: f64::from(pixels), steps: 1, ..FOX };
+            let ratio = scene.resources().cpu_secs.unwrap() / secs_per_step;
+            assert!((0.5..2.0).contains(&ratio), "{pixels} pixels, {splats} splats: {ratio}");
+        }
+    }
+
+    #[test]
+    fn the_model_is_counted_at_the_size_that_it_may_reach() {
+        let grown = |policy: &str, budget: Budget| {
+            let policy = policy.parse().unwrap();
+            let mut config = TrainConfig { policy, budget, ..TrainConfig::default() };
+            (config.density.overshoot, config.density.relocate_overshoot) = (1.0, 1.0);
+            let grown = FOX.grown(&config);
+            assert!(grown.splat_params <= FOX.splat_params);
+            (grown.splats, grown.texels)
+        };
+        let most =
+            |splats, texels, params| Budget { max_splats: splats, max_texels: texels, max_params: params };
+        let n = FOX.splats;
+        assert_eq!(grown("litetex", Budget::default()), (2 * n, 200 * n));
+        assert_eq!(grown("litetex", most(Some(20_000), Some(50_000), None)), (20_000, 50_000));
+        let (splats, texels) = grown("litetex", most(None, None, Some(3_000_000)));
+        // With SH of degree 1, as most splats keep no more.
+        let params = Workload { splat_params: 22, ..FOX }.params(splats, texels);
+        assert!(splats > n && texels > FOX.texels && (2_999_900..=3_000_000).contains(&params), "{params}");
+        // Drawn growth fills its budget, whatever the number of points; growth by need need not.
+        let budget = most(None, None, Some(30_000_000));
+        let need = |need_db| DensityConfig { need_db, ..DensityConfig::default() };
+        let of = |need_db| TrainConfig {
+            policy: "none".parse().unwrap(),
+            density: need(need_db),
+            budget,
+            ..TrainConfig::default()
+        };
+        assert!(FOX.grown(&of(0.0)).splats > 2 * n && FOX.grown(&of(0.05)).splats == 2 * n);
+        let budget = most(None, None, Some(3_000_000));
+        let raised = FOX.grown(&TrainConfig { budget, ..TrainConfig::default() });
+        assert!(raised.splats > splats && raised.texels > texels, "growth may exceed the budget");
+        assert_eq!(grown("litetex", most(None, None, Some(1_000_000))).1, FOX.texels, "less than there is");
+        assert_eq!(grown("fixed:4", most(Some(20_000), None, None)), (20_000, 320_000));
+        assert_eq!(grown("plain", Budget::default()), (n, 0));
+        assert_eq!(grown("plain", most(None, None, Some(2_200_000))), (100_000, 0));
+        assert_eq!(grown("plain", most(None, Some(5), None)), (2 * n, 0), "texels do not bound splats");
+        for (budget, said) in
+            [(Budget::default(), "no budget"), (most(Some(9), None, None), "within the budget")]
+        {
+            let config = TrainConfig { budget, ..TrainConfig::default() };
+            let estimate = ResourceEstimate::new(&FOX, &config);
+            assert!(estimate.describe().contains(said), "{}", estimate.describe());
+            let (start, grown) = (estimate.start.total_bytes, estimate.grown.total_bytes);
+            assert_eq!(grown > start, budget == Budget::default());
+            // A machine on which it starts and may not end.
+            let doubt = estimate.doubt(Some(start + 1));
+            assert_eq!(doubt.is_some_and(|d| d.contains("--budget-params")), grown > start);
+            assert!(estimate.start.check(Some(start + 1)).is_ok() && estimate.doubt(None).is_none());
+        }
+    }
+
+    /// The measured peak of a run in MiB (build for tests, x86-64 Linux, glibc), and the sizes that its model
+    /// had at the end.
+    struct Measured {
+        peak_mib: f64,
+        workload: Workload,
+    }
+
+    fn measured(
+        peak_mib: f64,
+        [splats, texels]: [u64; 2],
+        [width, height]: [u64; 2],
+        [train_views, test_views]: [u64; 2],
+        decoding_mib: u64,
+        threads: u64,
+    ) -> Measured {
+        let pixels_max = width * height;
+        let sizes = Workload { splats, texels, pixels_max, pixels_mean: pixels_max as f64, ..FOX };
+        let decoding_bytes = decoding_mib << 20;
+        Measured {
+            peak_mib,
+            workload: Workload { train_views, test_views, decoding_bytes, threads, ..sizes },
+        }
+    }
+
+    #[test]
+    fn memory_is_within_15_percent_of_the_measured_peaks() {
+        let mut many = measured(1166.5, [4_718, 41_208], [1600, 1200], [262, 38], 11, 2);
+        many.workload.cache_limit_bytes = 256 << 20;
+        let mut large = measured(1331.0, [4_049, 16_116], [3000, 2000], [5, 1], 34, 2);
+        large.workload.cache_limit_bytes = 100 << 20;
+        let runs = [
+            // 300 JPEGs of 1600 x 1200, --image-cache 256MiB, 400 steps.
+            many,
+            // 6 PNGs of 3000 x 2000, --image-cache 100MiB, 60 steps.
+            large,
+            // 10 JPEGs of 8000 x 6000, reduced to 1600 x 1200; 40 steps.
+            measured(704.5, [4_000, 15_916], [1600, 1200], [8, 2], 330, 2),
+            measured(1040.4, [4_000, 15_916], [1600, 1200], [8, 2], 512, 8),
+            // 24 PNGs of 4000 x 3000, reduced to 800 x 600; 300 and 200 steps.
+            measured(249.4, [4_502, 104_408], [800, 600], [21, 3], 82, 2),
+            measured(424.8, [4_019, 26_148], [800, 600], [21, 3], 328, 8),
+            // 60 JPEGs of 480 x 270, 300 steps.
+            measured(214.8, [19_948, 117_092], [480, 270], [52, 8], 1, 2),
+            // 50 JPEGs of 1067 x 1899 (fox), reduced to 270 x 480; 200 steps.
+            measured(141.9, [14_395, 64_456], [270, 480], [43, 7], 15, 2),
+        ];
+        for Measured { peak_mib, workload } in runs {
+            let estimate_mib = workload.resources().total_bytes as f64 / f64::from(1 << 20);
+            let ratio = estimate_mib / peak_mib;
+            assert!((ratio - 1.0).abs() < 0.15, "{estimate_mib:.0} MiB, measured {peak_mib}: {workload:?}");
+        }
+    }
+
+    #[test]
+    fn decoding_counts_where_photos_are_much_larger_than_views() {
+        let workload = Workload { decoding_bytes: 512 << 20, ..FOX };
+        let more = workload.resources().total_bytes - FOX.resources().total_bytes;
+        assert!(more > 300 << 20 && workload.resources().phase_bytes == 512 << 20);
+    }
+
+    #[test]
+    fn the_image_cache_is_capped() {
+        let many = Workload { train_views: 100_000, cache_limit_bytes: 1 << 30, ..FOX };
+        assert_eq!(many.resources().image_cache_bytes, 1 << 30);
+    }
+}

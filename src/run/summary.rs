@@ -1,0 +1,338 @@
+//! `summary.json`: the result of a run in one object, documented in `docs/summary-schema.md`. Other programs rely on
+//! its names; a change of meaning raises the number in `SCHEMA`.
+
+use super::profile::Profile;
+use crate::backend::DeviceInfo;
+use crate::eval::{Evaluation, ViewQuality};
+use crate::train::density::{Components, Growth, Kind};
+use crate::train::{CurvePoint, GivenBack, Policy, TrainConfig};
+use crate::{Result, Warning, atomic_file, input_file};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// Identifier and version of the schema.
+pub const SCHEMA: &str = "litetex-summary/4";
+/// Largest file that is read; it has a few numbers per view and evaluation.
+pub const FILE_BYTES_MAX: u64 = 1 << 30;
+/// Why LPIPS is null.
+pub const LPIPS_REASON: &str =
+    "needs network weights that are not shipped: compute it from the images in eval/";
+
+/// The result of a run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Summary {
+    /// [`SCHEMA`].
+    pub schema: String,
+    /// Version of the program.
+    pub version: String,
+    /// Name of the capture's folder.
+    pub scene: String,
+    /// The capture.
+    pub capture: CaptureFigures,
+    /// Filter by which photos were resized.
+    pub resample: String,
+    /// Colour of the background, display space.
+    pub background: [f32; 3],
+    /// Device that it ran on.
+    pub device: DeviceInfo,
+    /// Seed of all random numbers.
+    pub seed: u64,
+    /// Steps done.
+    pub steps: u32,
+    /// Steps of the schedule.
+    pub steps_planned: u32,
+    /// Profile that the settings started from.
+    pub profile: Profile,
+    /// Policy of allocation.
+    pub policy: Policy,
+    /// Parts of the method that were on.
+    pub components: Components,
+    /// Parts of the method that could not act in a run of this length.
+    pub inactive: Vec<String>,
+    /// Training views whose loss stood out at the end, worst first.
+    pub outlying_views: Vec<String>,
+    /// Number of splats by the longer side of their map: none, 2, up to 4, 8, ... 256 texels.
+    pub map_sides: Vec<usize>,
+    /// `steps`, `time` or `interrupted`.
+    pub stopped_by: String,
+    /// Figures of the last evaluation; null without test views.
+    pub quality: Option<Quality>,
+    /// Size of the model.
+    pub size: Size,
+    /// What growth was worth; null where it is not measured.
+    pub growth: Option<GrowthFigures>,
+    /// Rounds of giving back.
+    pub given_back: Vec<GivenBack>,
+    /// Times.
+    pub time: Times,
+    /// Rendering speed on the test views; null if none was rendered.
+    pub fps: Option<Fps>,
+    /// All evaluations.
+    pub curve: Vec<CurvePoint>,
+    /// Null for an uninterrupted run.
+    pub resumed: Option<Resumed>,
+    /// Largest resident memory of the process; null where the system does not report it.
+    pub memory_peak_bytes: Option<u64>,
+    /// All warnings.
+    pub warnings: Vec<Warning>,
+}
+
+/// What growth was worth, as far as it was measured.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct GrowthFigures {
+    /// What 10 % more parameters must promise, dB of the training views; null without `--need`.
+    pub need_db: Option<f64>,
+    /// What they promised at the last check; null without `--need`.
+    pub promised_db: Option<f64>,
+    /// The same, with shares two standard errors higher: growth ends where that is less than needed.
+    #[serde(default)]
+    pub promised_at_most_db: Option<f64>,
+    /// Share of its error that a split removes from a splat; null before it was measured.
+    pub split_share: Option<f64>,
+    /// Share of its error that a refined map removes.
+    pub refined_share: Option<f64>,
+    /// Share of its error that another SH band removes.
+    pub band_share: Option<f64>,
+    /// Rank correlation of the error that a splat carried and of what a split removed of it; null before it was measured.
+    pub split_rank_correlation: Option<f64>,
+    /// The same for refined maps.
+    pub refined_rank_correlation: Option<f64>,
+    /// The same for SH bands.
+    pub band_rank_correlation: Option<f64>,
+    /// Step after which growth ended; null if it did not.
+    pub ended_step: Option<u32>,
+    /// What ended it; null if it did not end.
+    pub ended_by: Option<EndOfGrowth>,
+}
+
+/// What ended growth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum EndOfGrowth {
+    /// More parameters promised too little.
+    Need,
+    /// The steps of density control that may add were over.
+    Timetable,
+}
+
+impl GrowthFigures {
+    /// The figures after a step, of a run that may grow until `densify_until`; `None` if growth is not measured.
+    pub fn new(growth: &Growth, config: &TrainConfig, step: u32, densify_until: u32) -> Option<Self> {
+        let need_db = Some(config.density.need_db).filter(|&need_db| need_db > 0.0);
+        let [split_share, refined_share, band_share] =
+            [Kind::Split, Kind::Refined, Kind::Band].map(|kind| growth.share(kind));
+        let [split_rank_correlation, refined_rank_correlation, band_rank_correlation] =
+            growth.rank_correlations();
+        let ended = if growth.has_ended() {
+            Some((growth.ended_step, EndOfGrowth::Need))
+        } else {
+            (step >= densify_until).then_some((densify_until, EndOfGrowth::Timetable))
+        };
+        let promised = need_db.and(growth.promised_db);
+        let figures = Self {
+            need_db,
+            promised_db: promised.map(|promised| promised[0]),
+            promised_at_most_db: promised.map(|promised| promised[1]),
+            split_share,
+            refined_share,
+            band_share,
+            split_rank_correlation,
+            refined_rank_correlation,
+            band_rank_correlation,
+            ended_step: ended.map(|(step, _)| step),
+            ended_by: ended.map(|(_, by)| by),
+        };
+        (need_db.is_some() || config.draws_growth()).then_some(figures)
+    }
+
+    /// A line for people; `None` without `--need`.
+    pub fn line(&self) -> Option<String> {
+        let need_db = self.need_db?;
+        let ended = match (self.ended_step, self.ended_by) {
+            (Some(step), Some(EndOfGrowth::Need)) => format!("ended at step {step} by need"),
+            (Some(step), _) => format!("ended at step {step} by the timetable"),
+            (None, _) => "not ended".to_owned(),
+        };
+        let promised = self.promised_db.zip(self.promised_at_most_db).map_or_else(
+            || "never judged".to_owned(),
+            |(likely, most)| format!("10 % more parameters promised {likely:.3} dB, at most {most:.3}"),
+        );
+        Some(format!("{ended}; {promised} (need: {need_db} dB)"))
+    }
+}
+
+/// The capture that was trained on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CaptureFigures {
+    /// Its folder.
+    pub path: String,
+    /// Format of the poses, such as `colmap`.
+    pub format: String,
+    /// Number of training views.
+    pub train_views: usize,
+    /// Number of test views.
+    pub test_views: usize,
+    /// Largest width at which views are trained and evaluated.
+    pub width_px: u32,
+    /// Largest height of views.
+    pub height_px: u32,
+    /// Number of sparse points in the capture.
+    pub points: usize,
+}
+
+/// Quality figures, means over the test views.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Quality {
+    /// PSNR, dB.
+    pub psnr: f64,
+    /// Gradient-PSNR, dB.
+    pub grad_psnr: f64,
+    /// SSIM with zero padding, as in 3DGS.
+    pub ssim_3dgs: f64,
+    /// SSIM over the region where the window fits.
+    pub ssim_valid: f64,
+    /// Mean FLIP error.
+    pub flip: f64,
+    /// PSNR after a correction of the colours, dB.
+    pub psnr_corrected: Option<f64>,
+    /// Share of the pixels with alpha below 0.5.
+    pub uncovered: Option<f64>,
+    /// Always null; `lpips_reason` says why.
+    pub lpips: Option<f64>,
+    /// Why.
+    pub lpips_reason: String,
+    /// Figures of each view, in the order of the views.
+    pub per_view: Vec<ViewQuality>,
+}
+
+impl From<&Evaluation> for Quality {
+    fn from(e: &Evaluation) -> Self {
+        Self {
+            psnr: e.psnr,
+            grad_psnr: e.grad_psnr,
+            ssim_3dgs: e.ssim_3dgs,
+            ssim_valid: e.ssim_valid,
+            flip: e.flip,
+            psnr_corrected: e.psnr_corrected,
+            uncovered: e.uncovered,
+            lpips: None,
+            lpips_reason: LPIPS_REASON.to_owned(),
+            per_view: e.per_view.clone(),
+        }
+    }
+}
+
+/// Size of the model.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Size {
+    /// Number of splats.
+    pub splats: usize,
+    /// Number of texels of all texture maps.
+    pub texels: usize,
+    /// Number of SH coefficients of all splats, RGB as one; 16 per splat at degree 3.
+    pub sh_coefficients: usize,
+    /// Number of splats with a texture map.
+    pub maps: usize,
+    /// Floats that the model holds.
+    pub params: usize,
+    /// 59 per splat and 3 per texel, the count of the paper's tables.
+    pub params_published: usize,
+    /// Sizes of files of the scene; `None` after an interruption.
+    pub disk: Option<DiskBytes>,
+}
+
+/// Sizes of `.ltgs` files of the scene without cameras, at the standard quantisation steps of the quality: `export` looks
+/// for coarser ones by rendering.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct DiskBytes {
+    /// Bytes at quality `balanced`.
+    pub ltgs_balanced: usize,
+    /// Bytes at quality `tiny`.
+    pub ltgs_tiny: usize,
+}
+
+/// Times of a run, seconds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Times {
+    /// Training, without evaluation and saving.
+    pub train_wall_secs: f64,
+    /// CPU time of the process within it.
+    pub train_cpu_secs: f64,
+    /// Share of density control in the training time: reading the model back, planning and carrying out the plan.
+    pub density_control_wall_secs: f64,
+    /// Part of that for giving back: probing, trials and checks.
+    #[serde(default)]
+    pub give_back_wall_secs: f64,
+    /// Share of the analysis of the photos' spectra in the training time.
+    pub analysis_wall_secs: f64,
+    /// From the start of the command to the writing of this file, with the earlier parts of a resumed run.
+    pub total_wall_secs: f64,
+}
+
+/// Speed of rendering the test views.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Fps {
+    /// Median, images per second.
+    pub median: f64,
+    /// Fifth percentile: 95 % of the images are rendered faster.
+    pub p5: f64,
+    /// Number of images rendered.
+    pub renders: usize,
+    /// Largest width of views.
+    pub width_px: u32,
+    /// Largest height of views.
+    pub height_px: u32,
+}
+
+/// How a resumed run relates to the one before.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Resumed {
+    /// Step of the checkpoint.
+    pub from_step: u32,
+    /// Whether settings differ, so that the result is not that of an uninterrupted run.
+    pub new_schedule: bool,
+    /// The settings that differ.
+    pub changed: Vec<String>,
+}
+
+impl Summary {
+    /// Writes `summary.json`, whole or not at all.
+    ///
+    /// # Errors
+    /// [`crate::Error::Io`].
+    pub fn write(&self, path: &Path) -> Result<()> {
+        let mut text = serde_json::to_vec_pretty(self).map_err(|e| crate::Error::io(path, e.into()))?;
+        text.push(b'\n');
+        atomic_file::write(path, &text)
+    }
+
+    /// Reads `summary.json`.
+    ///
+    /// # Errors
+    /// [`crate::Error::Io`], [`crate::Error::InvalidInput`], [`crate::Error::Unsupported`] if it is too
+    /// large.
+    pub fn read(path: &Path) -> Result<Self> {
+        let text = input_file::read(path, FILE_BYTES_MAX)?;
+        serde_json::from_slice(&text).map_err(|e| crate::Error::invalid(path, e.to_string()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn summaries_say_what_ended_growth() {
+        let mut config = TrainConfig::default();
+        config.density.need_db = 0.05;
+        let ended = |ended_step: u32, step: u32| {
+            let growth = Growth { ended_step, ..Growth::default() };
+            let figures = GrowthFigures::new(&growth, &config, step, 70).unwrap();
+            (figures.ended_step, figures.ended_by)
+        };
+        assert_eq!(ended(0, 69), (None, None));
+        assert_eq!(ended(0, 70), (Some(70), Some(EndOfGrowth::Timetable)));
+        // What ended first counts.
+        assert_eq!(ended(40, 100), (Some(40), Some(EndOfGrowth::Need)));
+    }
+}

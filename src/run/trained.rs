@@ -1,0 +1,123 @@
+//! A finished or interrupted training, read from its folder or from one of its checkpoints.
+
+use super::config::RunConfig;
+use super::folder::find_checkpoint;
+use super::summary::Summary;
+use crate::backend::{Backend, RenderOptions};
+use crate::dataset::Capture;
+use crate::model::{AdamState, Model};
+use crate::train::checkpoint;
+use crate::verify::{CaptureIdentity, PSNR_TEST, bake_checkpoint, cameras_from_strings};
+use crate::{Error, Report, Result};
+use litetex_exporters::{AssetCamera, Format, Provenance, SplatAsset};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// A trained scene as its checkpoint holds it.
+pub struct Trained {
+    /// The checkpoint.
+    pub path: PathBuf,
+    /// Steps done.
+    pub step: u32,
+    /// The scene; lazy updates may be pending.
+    pub model: Model,
+    /// The optimiser, from which pending updates are flushed.
+    pub adam: AdamState,
+    /// Settings of the run.
+    pub config: RunConfig,
+    /// The capture that it was trained on.
+    pub identity: CaptureIdentity,
+    /// Cameras of the run.
+    pub cameras: Vec<AssetCamera>,
+}
+
+impl Trained {
+    /// Loads a checkpoint, or the last one of a run.
+    ///
+    /// # Errors
+    /// [`Error::Io`], [`Error::InvalidInput`], [`Error::Unsupported`].
+    pub fn load(source: &Path) -> Result<Self> {
+        if source.is_file() && Format::from_path(source).is_some() {
+            return Err(Error::unsupported(
+                source,
+                "an asset; expected the folder of a run, or one of its checkpoints (step-*.safetensors)",
+            ));
+        }
+        let path = find_checkpoint(source)?;
+        let (state, strings) = checkpoint::load_without_history(&path)?;
+        let config = config_of(&path, &strings)?;
+        let identity = CaptureIdentity::from_strings(&path, &strings)?;
+        let cameras = cameras_from_strings(&path, &strings)?;
+        Ok(Self { path, step: state.step, model: state.model, adam: state.adam, config, identity, cameras })
+    }
+
+    /// How the views of the run are rendered, on its background.
+    pub fn render_options(&self) -> RenderOptions {
+        render_options(&self.model, self.config.train.background, false)
+    }
+
+    /// The capture that it was trained on, in its old place or `elsewhere`.
+    ///
+    /// # Errors
+    /// What the loader found; [`Error::Usage`] if it is another capture.
+    pub fn open_capture(&self, elsewhere: Option<&Path>) -> Result<Capture> {
+        let path = match elsewhere {
+            Some(path) => path,
+            None => self.config.data()?,
+        };
+        let capture = Capture::load(path, &self.config.capture)?;
+        self.identity.check_frame(&CaptureIdentity::new(&capture, capture.capture_from_local))?;
+        Ok(capture)
+    }
+
+    /// The scene as an asset; `report` gets what was left out of it.
+    ///
+    /// # Errors
+    /// What the device reports; [`Error::Usage`] for a scene that no asset can hold.
+    pub fn bake(&self, backend: &mut dyn Backend, report: &mut Report) -> Result<SplatAsset> {
+        let model = (&self.model, &self.adam);
+        let background = self.config.train.background;
+        bake_checkpoint(backend, model, self.cameras.clone(), background, self.provenance(), report)
+    }
+
+    /// What an asset states about its training.
+    fn provenance(&self) -> Provenance {
+        let config = &self.config;
+        let name = config.data.as_deref().and_then(Path::file_name).unwrap_or_default();
+        let name = name.to_string_lossy().into_owned();
+        let train = &config.train;
+        let mut training = BTreeMap::from([
+            ("steps".to_owned(), self.step.to_string()),
+            ("profile".to_owned(), config.profile.name().to_owned()),
+            ("policy".to_owned(), train.policy.to_string()),
+            ("seed".to_owned(), train.seed.to_string()),
+        ]);
+        if let Some(psnr) = self.test_psnr() {
+            training.insert(PSNR_TEST.to_owned(), format!("{psnr:.3}"));
+        }
+        Provenance { title: name.clone(), source: name, training, ..Provenance::default() }
+    }
+
+    /// The test PSNR in the summary of the run, if it belongs to the checkpoint's step.
+    fn test_psnr(&self) -> Option<f64> {
+        let run = self.path.parent()?.parent()?;
+        let summary = Summary::read(&run.join("summary.json")).ok()?;
+        (summary.steps == self.step).then_some(summary.quality?.psnr)
+    }
+}
+
+/// The settings that a checkpoint carries.
+///
+/// # Errors
+/// [`Error::InvalidInput`] if they are missing or unreadable.
+pub fn config_of(path: &Path, strings: &BTreeMap<String, String>) -> Result<RunConfig> {
+    let text = strings
+        .get("config")
+        .ok_or_else(|| Error::invalid(path, "the checkpoint carries no settings (\"config\")"))?;
+    RunConfig::parse(path, text)
+}
+
+/// Render options of a model.
+pub fn render_options(model: &Model, background: [f32; 3], geometry: bool) -> RenderOptions {
+    RenderOptions { background, sh_degree: model.splats.sh_degree(), geometry }
+}
