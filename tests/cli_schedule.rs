@@ -4,7 +4,6 @@
 
 use assert_cmd::Command;
 use serde_json::Value;
-use std::fs;
 
 /// Exit code, standard output, standard error.
 fn run(arguments: &[&str]) -> (i32, String, String) {

@@ -96,6 +96,7 @@ struct Suite {
 struct Case {
     name: String,
     sample: Vec<String>,
+    #[serde(default)]
     check: Vec<Check>,
 }
 
