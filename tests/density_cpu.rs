@@ -76,7 +76,7 @@ fn a_budget_of_parameters_gives_the_same_bytes_too() {
     let mut other = whole.saved[1].clone();
     other.histories.iter_mut().for_each(|history| history.bands_settled = true);
     assert!(!same(&run(&config, other, 2).last, &whole.last));
-    // Growth by need splits long candidates only, and withholds some.
+    // Growth by need splits long candidates only, and holds some back.
     let by_need = DensityConfig { need_db: 0.05, ..config.density.clone() };
     let by_need = TrainConfig { density: by_need, ..config };
     let whole = run(&by_need, first, 2);

@@ -54,12 +54,12 @@ const NOT_READ: [&str; 3] = ["docs/glossary.md", "lab/choices.md", "tests/terms.
 /// Beginnings of paths that are being rewritten.
 const NOT_YET: [&str; 7] = [
     "src/train/",
-    "src/cli/",
-    "src/run/",
+    "src/run/summary.rs",
+    "src/run/resource_estimate.rs",
+    "src/run/outcome.rs",
     "docs/method.md",
     "docs/summary-schema.md",
     "ARCHITECTURE.md",
-    "tests/density_cpu.rs",
 ];
 
 /// What has been found: line, words, what to say instead.

@@ -7,7 +7,7 @@ const POINTS_MAX: usize = 512;
 #[derive(Default)]
 pub struct Curve {
     losses: Vec<(u32, f64)>,
-    /// Of so many losses one is kept, less one.
+    /// Of this many losses one is kept, less one.
     skipped: usize,
     count: usize,
     psnrs: Vec<(u32, f64)>,

@@ -268,7 +268,7 @@ fn rounding(
     }
     if goal != args.rate_goal() {
         let what =
-            "--max-size and --max-loss bound only .ltgs files; the file keeps what its quality promises";
+            "--max-size and --max-loss bound only .ltgs files; the file keeps the limits of its quality";
         log.warn("bounds-not-applied", &format!("{}: {what}", path.display()), 1);
     }
     let mut report = Report::default();

@@ -31,7 +31,7 @@ pub struct MetricsTail {
 }
 
 impl MetricsTail {
-    /// The metrics of a run of so many steps.
+    /// The metrics of a run of this many steps.
     pub fn new(path: PathBuf, steps: u32) -> Self {
         Self {
             path,

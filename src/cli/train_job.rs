@@ -33,7 +33,7 @@ pub struct Resume {
     /// Settings that shape the result and differ from those of the checkpoint.
     pub changed: Vec<String>,
     identity: CaptureIdentity,
-    /// Problems of the checkpoint worth reporting.
+    /// Problems of the checkpoint, to be reported.
     pub report: Report,
     /// Whether it continues in its own folder.
     in_place: bool,

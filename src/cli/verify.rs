@@ -37,7 +37,7 @@ pub struct VerifyArgs {
     /// Allow this much PSNR to be lost on average, such as 0.1dB, instead of the quality's limit
     #[arg(long, value_name = "DB", value_parser = parse_decibels)]
     max_loss: Option<f64>,
-    /// Require this PSNR against the scene's images, instead of what the quality promises
+    /// Require this PSNR against the scene's images, instead of the quality's limits
     #[arg(long, value_name = "DB", value_parser = parse_decibels)]
     min_psnr: Option<f64>,
     /// Print JSON

@@ -27,7 +27,7 @@ pub enum InitSource {
     Sfm,
     /// At the points of a PLY file, in the capture's frame.
     Ply(PathBuf),
-    /// At so many random points in the views.
+    /// At this many random points in the views.
     Random(usize),
 }
 

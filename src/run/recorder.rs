@@ -1,4 +1,4 @@
-//! Turns the events of a training into the files of its run folder, and notes what is worth a warning.
+//! Turns the events of a training into the files of its run folder, and notes what a warning should tell.
 
 use super::config::{RunConfig, SaveImages};
 use super::evaluations::StagedFolder;
@@ -26,7 +26,7 @@ const METRICS_EVERY: u32 = 10;
 /// Outlying views that a warning names.
 const OUTLYING_SHOWN: usize = 5;
 
-/// A larger share of test pixels that nothing covers is worth a warning.
+/// A larger share of test pixels that nothing covers gets a warning.
 const UNCOVERED_MAX: f64 = 0.01;
 
 /// Steps before which even well-seen surfaces may be translucent: splats start at opacity 0.1.
@@ -204,7 +204,7 @@ impl<'a> Recorder<'a> {
         };
         let message = format!(
             "{} that fit much worse than the others: {shown}{more}; look for wrong poses, other exposures (--exposure \
-             affine, judged by psnr_corrected) or moving things there",
+             affine, compared by psnr_corrected) or moving things there",
             counted(names.len(), "training view")
         );
         self.warn(Warning { code: "outlying-views".to_owned(), message, count: names.len() })
