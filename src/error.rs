@@ -81,6 +81,19 @@ impl Error {
     }
 }
 
+impl From<litetex_exporters::Error> for Error {
+    fn from(error: litetex_exporters::Error) -> Self {
+        use litetex_exporters::Error as E;
+        match error {
+            E::Io { path, source } => Self::io(path, source),
+            E::Invalid { path, what } => Self::InvalidInput { path, what },
+            E::Unsupported { path, what } | E::TooLarge { path, what } => Self::Unsupported { path, what },
+            E::Occupied { path, what } => Self::Usage(format!("{}: {what}", path.display())),
+            other => Self::CheckFailed(other.to_string()),
+        }
+    }
+}
+
 /// The OS error, with a remedy where one is known.
 fn described(cause: &std::io::Error) -> String {
     use std::io::ErrorKind;
@@ -124,5 +137,15 @@ mod tests {
             let text = error.to_string();
             assert!(text.len() < 5000 && text.contains('…'), "{text}");
         }
+    }
+
+    #[test]
+    fn errors_keep_their_family() {
+        let code = |e: litetex_exporters::Error| Error::from(e).exit_code();
+        assert_eq!(code(litetex_exporters::Error::invalid("a", "b")), 3);
+        assert_eq!(code(litetex_exporters::Error::unsupported("a", "b")), 4);
+        assert_eq!(code(litetex_exporters::Error::Occupied { path: "a".into(), what: "b".into() }), 2);
+        let missing = std::io::Error::from(std::io::ErrorKind::NotFound);
+        assert_eq!(code(litetex_exporters::Error::io("a", missing)), 3);
     }
 }

@@ -3,7 +3,6 @@
 //! `ARCHITECTURE.md` describes modules and data flow, `docs/glossary.md` the terms. "method 6.2" in a comment
 //! cites that section of `docs/method.md`.
 
-pub mod atomic_file;
 pub mod backend;
 pub mod bake;
 pub mod camera;
@@ -34,4 +33,6 @@ pub mod verify;
 pub mod views;
 
 pub use error::{Error, Result};
+/// Files that appear whole or not at all.
+pub use litetex_exporters::atomic_file;
 pub use report::{Report, Warning};

@@ -482,7 +482,7 @@ fn an_interrupted_export_leaves_nothing_behind() {
             .stdout(std::process::Stdio::null())
             .spawn()
             .unwrap();
-        while !names().iter().any(|n| n.ends_with(".tmp")) && child.try_wait().unwrap().is_none() {
+        while !names().iter().any(|n| n.ends_with(".part")) && child.try_wait().unwrap().is_none() {
             std::thread::sleep(std::time::Duration::from_millis(1));
         }
         std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();

@@ -320,7 +320,7 @@ fn what_cannot_be_shown_is_told() {
         ("nowhere.glb", 3, "no such file"),
         ("foreign.html", 3, "not an exported scene"),
         ("broken.ltgs", 3, "broken.ltgs: "),
-        ("photo.jpg", 3, "photo.jpg: a file of another kind: view shows assets (.ltgs, "),
+        ("photo.jpg", 4, "photo.jpg: a \".jpg\" file cannot be used here; expected an asset (.glb, "),
         ("empty", 3, "a folder without checkpoints"),
     ] {
         let (found, message) = bad(&["view", &at(name), "--no-open"]);

@@ -8,8 +8,8 @@
 use litetex_exporters::gltf::{GltfOptions, write_gltf};
 use litetex_exporters::usd::{UsdOptions, write_usd};
 use litetex_exporters::{
-    AssetCamera, AssetMap, ColourSpace, Error, Filter, Quality, Result, SplatAsset, Transform, ltgs,
-    num_sh_coefficients, write_atomically,
+    AssetCamera, AssetMap, ColourSpace, Filter, Quality, Result, SplatAsset, Transform, atomic_file, ltgs,
+    num_sh_coefficients,
 };
 use std::path::Path;
 
@@ -237,9 +237,9 @@ fn write_pack(folder: &Path) -> Result<()> {
     write_usd(&folder.join("balanced.usda"), &asset, &usd)?;
     let path = folder.join("balanced.ltgs");
     let options = ltgs::LtgsOptions { quality: Quality::Balanced, ..ltgs::LtgsOptions::default() };
-    write_atomically(&path, &ltgs::encode(&asset, &options)?).map_err(|e| Error::io(&path, e))?;
+    atomic_file::write(&path, &ltgs::encode(&asset, &options)?)?;
     let path = folder.join("coder.json");
-    write_atomically(&path, ltgs::coder_vectors().as_bytes()).map_err(|e| Error::io(&path, e))?;
+    atomic_file::write(&path, ltgs::coder_vectors().as_bytes())?;
     Ok(())
 }
 

@@ -36,6 +36,14 @@ pub enum Error {
         /// What is not supported and what is.
         what: String,
     },
+    /// Something stands where a file is to be written, and is not replaced.
+    #[error("{}: {what}", text::path(path))]
+    Occupied {
+        /// Where the file was to be.
+        path: PathBuf,
+        /// What stands there and what to do.
+        what: String,
+    },
     /// A file or an asset exceeds a limit.
     #[error("{}: {what}", text::path(path))]
     TooLarge {
@@ -72,16 +80,17 @@ impl Error {
     pub(crate) fn text(&self) -> String {
         match self {
             Self::Io { .. } => self.to_string(),
-            Self::Invalid { what, .. } | Self::Unsupported { what, .. } | Self::TooLarge { what, .. } => {
-                what.clone()
-            }
+            Self::Invalid { what, .. }
+            | Self::Unsupported { what, .. }
+            | Self::Occupied { what, .. }
+            | Self::TooLarge { what, .. } => what.clone(),
         }
     }
 
     /// The same error, its message prefixed with the part of the file that it is about.
     pub(crate) fn within(self, part: &str) -> Self {
         match self {
-            Self::Io { .. } => self,
+            Self::Io { .. } | Self::Occupied { .. } => self,
             Self::Invalid { path, what } => Self::invalid(path, format!("{part}: {what}")),
             Self::Unsupported { path, what } => Self::unsupported(path, format!("{part}: {what}")),
             Self::TooLarge { path, what } => Self::too_large(path, format!("{part}: {what}")),
@@ -110,6 +119,7 @@ impl Error {
             Self::Io { path: p, .. }
             | Self::Invalid { path: p, .. }
             | Self::Unsupported { path: p, .. }
+            | Self::Occupied { path: p, .. }
             | Self::TooLarge { path: p, .. } => *p = path.to_owned(),
         }
         self

@@ -1,35 +1,9 @@
-//! Writes files atomically and reads them up to a size limit.
+//! Reads files up to a size limit.
 
 use crate::{Error, Result};
 use std::fs::File;
 use std::io::{ErrorKind, Read as _};
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
-
-/// Characters of a file's name that its temporary name keeps: most systems allow 255 bytes.
-const SHOWN_CHARS: usize = 40;
-
-/// Writes a file under a temporary name next to its place and renames it, so that half a file is never seen or left
-/// behind at its place. A link there is replaced, not followed.
-///
-/// # Errors
-/// Those of the operating system; the temporary file is removed.
-pub fn write_atomically(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    let temporary = temporary_name(path);
-    std::fs::write(&temporary, bytes).and_then(|()| std::fs::rename(&temporary, path)).inspect_err(|_| {
-        // The first error is the one that matters.
-        let _ = std::fs::remove_file(&temporary);
-    })
-}
-
-/// A name next to a file that is unique to this call: `.NAME.PID-N.tmp`.
-pub(crate) fn temporary_name(path: &Path) -> PathBuf {
-    static CALLS: AtomicU64 = AtomicU64::new(0);
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let name: String = name.chars().take(SHOWN_CHARS).collect();
-    let call = CALLS.fetch_add(1, Ordering::Relaxed);
-    path.with_file_name(format!(".{name}.{}-{call}.tmp", std::process::id()))
-}
+use std::path::Path;
 
 /// Reads a regular file of at most `bytes_max` bytes; links are followed.
 ///
@@ -111,13 +85,5 @@ mod tests {
         let error = read_file(&link, u64::MAX).unwrap_err();
         assert!(matches!(&error, Error::Io { .. }) && error.to_string().contains("device"), "{error}");
         assert!(matches!(read_head(&link, 4), Err(Error::Io { .. })));
-    }
-
-    #[test]
-    fn temporary_names_are_unique_and_short() {
-        let long = PathBuf::from("folder").join("ü".repeat(120));
-        let names = [temporary_name(&long), temporary_name(&long)];
-        assert_ne!(names[0], names[1]);
-        assert!(names.iter().all(|n| n.parent() == long.parent() && n.file_name().unwrap().len() < 200));
     }
 }

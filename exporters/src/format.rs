@@ -5,7 +5,7 @@ pub(crate) mod kind;
 use self::kind::{Format, mesh_path};
 use crate::atlas::PAGE_SIDE;
 use crate::file::read_file;
-use crate::staging::{Caller, SidecarFile, repair};
+use crate::staging::SidecarFile;
 use crate::{
     Cameras, Contents, Error, Issue, Quality, ReadLimits, Result, Severity, SplatAsset, Staged, Written,
     gltf, html, ltgs, ply, sniff, spz, usd,
@@ -32,7 +32,7 @@ pub struct WriteOptions<'a> {
 }
 
 /// Writes an asset in the format that the extension names, and replaces what was there: [`stage_asset`] and
-/// [`Staged::publish`] at once. If it fails, nothing new stays and older files are as they were.
+/// [`Staged::publish`] at once.
 ///
 /// # Errors
 /// As [`stage_asset`] and [`Staged::publish`].
@@ -131,15 +131,14 @@ fn far_out(texels: f64) -> Option<String> {
     (texels > 0.1).then(|| format!("positions are rounded by up to {texels:.2} texels: the capture lies far from its origin, or is large"))
 }
 
-/// Reads an asset in the format that the extension names. If a process was killed while it replaced the asset, finishes
-/// that first.
+/// Reads an asset in the format that the extension names.
 ///
 /// # Errors
-/// [`Error::Unsupported`] for an unknown extension, [`Error::Invalid`] for a file that begins as another format does,
+/// [`Error::Unsupported`] for an unknown extension, [`Error::Invalid`] for a file that begins as another format does or that is
+/// mixed with sidecar files of another export,
 /// [`Error::TooLarge`] for one with more bytes than the limits allow to decode, and those of the format's reader.
 pub fn read_asset(path: &Path, limits: &ReadLimits) -> Result<Contents> {
     let format = Format::of(path)?;
-    repair(path, Caller::Reader)?;
     sniff::check(path, format)?;
     match format {
         Format::Ply => {
@@ -176,7 +175,6 @@ pub fn read_asset(path: &Path, limits: &ReadLimits) -> Result<Contents> {
 /// [`Error::Unsupported`] for an unknown extension, and those of the format's reader.
 pub fn read_fallback(path: &Path, limits: &ReadLimits) -> Result<Option<SplatAsset>> {
     let format = Format::of(path)?;
-    repair(path, Caller::Reader)?;
     match format {
         Format::Glb | Format::Gltf => gltf::read_fallback(path, limits).map(Some),
         Format::Usda | Format::Usdc | Format::Usdz => usd::read_fallback(path, limits),
@@ -198,7 +196,6 @@ pub fn read_fallback(path: &Path, limits: &ReadLimits) -> Result<Option<SplatAss
 /// extension. Problems inside it, or with its sidecar files, are issues.
 pub fn validate_file(path: &Path) -> Result<Vec<Issue>> {
     let format = Format::of(path)?;
-    repair(path, Caller::Reader)?;
     match sniff::check(path, format) {
         Ok(()) => {}
         Err(Error::Invalid { what, .. }) => {

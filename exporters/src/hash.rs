@@ -37,6 +37,17 @@ impl SplatAsset {
     }
 }
 
+/// A hash as 16 hexadecimal digits.
+pub(crate) fn text_from_hash(hash: u64) -> String {
+    format!("{hash:016x}")
+}
+
+/// The hash that 16 hexadecimal digits state.
+pub(crate) fn hash_from_text(text: &str) -> Option<u64> {
+    let is_hash = text.len() == 16 && text.bytes().all(|b| b.is_ascii_hexdigit());
+    is_hash.then(|| u64::from_str_radix(text, 16).ok()).flatten()
+}
+
 /// Hashes numbers in pieces, to avoid a copy of the whole array.
 fn floats(hasher: &mut XxHash3_64, values: &[f32]) {
     for piece in values.chunks(4096) {

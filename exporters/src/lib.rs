@@ -7,6 +7,7 @@
 
 mod asset;
 mod atlas;
+pub mod atomic_file;
 mod baked;
 mod contents;
 mod degrees;
@@ -32,6 +33,7 @@ mod quality;
 mod quaternion;
 mod sh;
 mod shown_cameras;
+mod sidecars;
 mod sniff;
 pub mod spz;
 mod staging;
@@ -46,8 +48,8 @@ pub use asset::{
 };
 pub use contents::{Contents, Describes, Issue, LayerSize, ReadLimits, Section, Severity};
 pub use error::{Error, Result};
-pub use file::{read_file, regular_file_bytes, write_atomically};
-pub use format::kind::Format;
+pub use file::{read_file, regular_file_bytes};
+pub use format::kind::{Format, unknown_kind};
 pub use format::{WriteOptions, read_asset, read_fallback, stage_asset, validate_file, write_asset};
 pub use frame::Transform;
 pub use overview::{Bounds, Overview};

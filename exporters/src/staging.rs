@@ -1,31 +1,16 @@
 //! Stages files so that they can be verified before any older one is touched. They have their final names in a staging
-//! folder next to their destination, so that references between them hold; publishing moves them.
+//! folder `.NAME.PID-N.part` next to their destination, so that references between them hold; publishing renames them.
 //!
-//! A staging folder is called `.NAME.PID-N.tmp` and holds
-//!
-//! | entry | what it is |
-//! |---|---|
-//! | `lock` | locked by the process that made the folder, for as long as it lives |
-//! | `new/` | new files until they are moved to their places |
-//! | `old/` | replaced files until the last new one is at its place |
-//! | `swap.json` | the journal: which files move; exists from before the first move until after the last |
-//!
-//! Moving several files takes several steps. A process that is killed between two of them leaves the journal, with which
-//! the next command that writes or reads the asset finishes the move: see [`repair`].
+//! Sidecar files keep their names from one export to the next, because other programs know them by name. They are renamed
+//! one after the other, and the file that refers to them last. A process that is killed in between leaves files of two
+//! exports, which readers refuse by the hashes of [`crate::sidecars`]; a new export puts that right.
 
-mod folder;
-mod steps;
-mod swap;
-
-pub(crate) use folder::{Caller, repair};
-
+use crate::atomic_file::{move_to, temporary_beside};
 use crate::{Error, Result, Written, text};
 use std::ffi::OsString;
-use std::fs::{self, File};
+use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use steps::Steps;
-use swap::{Places, Swap};
 
 /// A sidecar file: its name relative to the folder of the file that refers to it, `/` between parts, and its bytes.
 pub(crate) type SidecarFile = (OsString, Vec<u8>);
@@ -39,16 +24,10 @@ pub struct Staged {
     /// Names relative to it; the file that refers to the others is the last.
     names: Vec<PathBuf>,
     written: Written,
-    /// Set where an old file lies in the folder that could not be put back.
-    keeps_folder: bool,
-    /// Held until the folder is gone.
-    _lock: Option<File>,
-    steps: Steps,
 }
 
 impl Staged {
-    /// Writes the files of the asset at `path` into a fresh folder next to it, after tidying up what killed processes left
-    /// there.
+    /// Writes the files of the asset at `path` into a fresh folder next to it.
     ///
     /// # Errors
     /// [`Error::Io`], [`Error::Invalid`] if `path` is not the name of a file.
@@ -57,16 +36,11 @@ impl Staged {
         if !side.is_empty() && name.to_str().is_none() {
             return Err(Error::invalid(path, "the file's name must be UTF-8: sidecar files share it"));
         }
-        repair(path, Caller::Writer)?;
-        let (folder, lock) = folder::fresh(path)?;
         let mut staged = Self {
-            folder,
+            folder: fresh_folder(path)?,
             place: path.parent().unwrap_or(Path::new("")).to_owned(),
             names: Vec::new(),
             written: Written::default(),
-            keeps_folder: false,
-            _lock: lock,
-            steps: Steps::default(),
         };
         for (name, bytes) in &side {
             staged.write(Path::new(name), bytes)?;
@@ -81,7 +55,7 @@ impl Staged {
 
     /// Writes a file and takes note of it.
     fn write(&mut self, name: &Path, bytes: &[u8]) -> Result<()> {
-        let file = self.new_file(name);
+        let file = self.folder.join(name);
         let folder = file.parent().unwrap_or(&self.folder);
         let written = fs::create_dir_all(folder).and_then(|()| fs::write(&file, bytes));
         written.map_err(|e| Error::io(self.place.join(name), e))?;
@@ -91,21 +65,13 @@ impl Staged {
         Ok(())
     }
 
-    fn places(&self) -> Places<'_> {
-        Places { staging: &self.folder, asset: &self.place }
-    }
-
-    fn new_file(&self, name: &Path) -> PathBuf {
-        self.places().new_file(name)
-    }
-
     pub(crate) fn add_notes(&mut self, notes: impl IntoIterator<Item = String>) {
         self.written.notes.extend(notes);
     }
 
     /// Where the asset can be read until it is published. Errors of readers name this path: see [`Error::at`].
     pub fn path(&self) -> PathBuf {
-        self.new_file(self.names.last().map_or(Path::new(""), PathBuf::as_path))
+        self.folder.join(self.names.last().map_or(Path::new(""), PathBuf::as_path))
     }
 
     /// Where the files will be, the one requested first.
@@ -119,71 +85,64 @@ impl Staged {
     }
 
     /// Moves the files to their places, the one that refers to the others last. Files that are there already are replaced
-    /// if `overwrites`; if anything fails, they are put back and nothing new stays. A link is replaced, its target is not
-    /// touched; a link to a folder serves as the folder.
+    /// if `overwrites`; nothing is touched if one of them cannot be. A link is replaced, its target is not touched; a link to
+    /// a folder serves as the folder.
     ///
     /// # Errors
     /// [`Error::Io`]: of the kind [`ErrorKind::AlreadyExists`] for the first file that would have to be replaced but may
     /// not; [`ErrorKind::IsADirectory`] for a folder in the way of a file, [`ErrorKind::NotADirectory`] for a file in the
     /// way of a folder.
     pub fn publish(mut self, overwrites: bool) -> Result<Written> {
-        let mut swap = Swap::default();
         for name in &self.names {
-            if let Some((folder, false)) = self.check_folder(name)? {
-                swap.add_folder(folder);
-            }
-            swap.add(name, self.check_file(name, overwrites)?);
+            self.check_folder(name)?;
+            self.check_file(name, overwrites)?;
         }
-        let Err(error) = swap.run(self.places(), &self.steps) else {
-            return Ok(std::mem::take(&mut self.written));
-        };
-        let Err(lost) = swap.undo(self.places(), &self.steps) else { return Err(error) };
-        self.keeps_folder = true;
-        let path = self.written.files.first().cloned().unwrap_or_default();
-        let what = format!("{error}; older files could not be put back: {lost}");
-        Err(Error::io(path, std::io::Error::other(what)))
+        self.names.iter().try_for_each(|name| self.put(name))?;
+        Ok(std::mem::take(&mut self.written))
     }
 
-    /// The folder of a file, if the asset brings one, and whether it is there.
-    fn check_folder<'n>(&self, name: &'n Path) -> Result<Option<(&'n Path, bool)>> {
-        let Some(name) = name.parent().filter(|f| !f.as_os_str().is_empty()) else { return Ok(None) };
+    /// Moves a file to its place.
+    fn put(&self, name: &Path) -> Result<()> {
+        let file = self.place.join(name);
+        let folder = file.parent().filter(|_| name.components().count() > 1);
+        folder
+            .map_or(Ok(()), fs::create_dir_all)
+            .and_then(|()| move_to(&file, &self.folder.join(name)))
+            .map_err(|e| Error::io(file, e))
+    }
+
+    /// An error if a file is in the place of the folder of a file.
+    fn check_folder(&self, name: &Path) -> Result<()> {
+        let Some(name) = name.parent().filter(|f| !f.as_os_str().is_empty()) else { return Ok(()) };
         let folder = self.place.join(name);
         match fs::metadata(&folder) {
-            Ok(facts) if facts.is_dir() => Ok(Some((name, true))),
-            Ok(_) => Err(self.in_the_way(
-                &folder,
-                ErrorKind::NotADirectory,
-                "a file is in the place of a folder for",
-            )),
-            Err(e) if e.kind() == ErrorKind::NotFound => Ok(Some((name, false))),
-            Err(e) => Err(Error::io(folder, e)),
+            Ok(facts) if !facts.is_dir() => {
+                let what = "a file is in the place of a folder for";
+                Err(self.in_the_way(&folder, ErrorKind::NotADirectory, what))
+            }
+            Err(e) if e.kind() != ErrorKind::NotFound => Err(Error::io(folder, e)),
+            Ok(_) | Err(_) => Ok(()),
         }
     }
 
-    /// Whether a file is there; an error if it may not be replaced.
-    fn check_file(&self, name: &Path, overwrites: bool) -> Result<bool> {
+    /// An error if something is in the place of a file that may not be replaced.
+    fn check_file(&self, name: &Path, overwrites: bool) -> Result<()> {
         let file = self.place.join(name);
         let facts = match fs::symlink_metadata(&file) {
             Ok(facts) => facts,
-            Err(e) if e.kind() == ErrorKind::NotFound => return Ok(false),
+            Err(e) if e.kind() == ErrorKind::NotFound => return Ok(()),
             Err(e) => return Err(Error::io(file, e)),
         };
-        match () {
+        let (kind, what) = match () {
             // Also where a link leads to one.
-            () if file.is_dir() => {
-                Err(self.in_the_way(&file, ErrorKind::IsADirectory, "a folder is in the place of a file of"))
-            }
+            () if file.is_dir() => (ErrorKind::IsADirectory, "a folder is in the place of a file of"),
             () if !facts.is_file() && !facts.is_symlink() => {
-                let what = "something that is not a regular file is in the place of a file of";
-                Err(self.in_the_way(&file, ErrorKind::InvalidInput, what))
+                (ErrorKind::InvalidInput, "something that is not a regular file is in the place of a file of")
             }
-            () if !overwrites => Err(self.in_the_way(
-                &file,
-                ErrorKind::AlreadyExists,
-                "a file is already in the place of one of",
-            )),
-            () => Ok(true),
-        }
+            () if !overwrites => (ErrorKind::AlreadyExists, "a file is already in the place of one of"),
+            () => return Ok(()),
+        };
+        Err(self.in_the_way(&file, kind, what))
     }
 
     fn in_the_way(&self, file: &Path, kind: ErrorKind, what: &str) -> Error {
@@ -198,8 +157,20 @@ impl Staged {
 
 impl Drop for Staged {
     fn drop(&mut self) {
-        if !self.keeps_folder {
-            folder::remove(&self.folder);
+        // What cannot be removed now cannot be removed later.
+        let _ = fs::remove_dir_all(&self.folder);
+    }
+}
+
+/// Makes a folder next to a file, on the same file system: moving out of it is one step.
+fn fresh_folder(path: &Path) -> Result<PathBuf> {
+    loop {
+        let folder = temporary_beside(path);
+        match fs::create_dir(&folder) {
+            Ok(()) => return Ok(folder),
+            // Left behind by a process of this number that was killed.
+            Err(e) if e.kind() == ErrorKind::AlreadyExists => {}
+            Err(e) => return Err(Error::io(path, e)),
         }
     }
 }

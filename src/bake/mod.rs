@@ -4,9 +4,9 @@
 mod cameras;
 mod model_from_asset;
 
+use crate::Report;
 use crate::constants::sh_coefficients;
 use crate::model::{Filter, Model, TextureMap, texel_value};
-use crate::{Error, Report};
 pub use cameras::{AssetViews, asset_camera, asset_cameras, camera};
 use litetex_exporters::{
     AssetCamera, AssetMap, ColourSpace, Filter as AssetFilter, Provenance, SplatAsset, Transform,
@@ -121,18 +121,6 @@ fn sigmoid(logit: f64) -> f64 {
     1.0 / (1.0 + (-logit).exp())
 }
 
-impl From<litetex_exporters::Error> for Error {
-    fn from(error: litetex_exporters::Error) -> Self {
-        use litetex_exporters::Error as E;
-        match error {
-            E::Io { path, source } => Self::io(path, source),
-            E::Invalid { path, what } => Self::InvalidInput { path, what },
-            E::Unsupported { path, what } | E::TooLarge { path, what } => Self::Unsupported { path, what },
-            other => Self::CheckFailed(other.to_string()),
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -232,14 +220,5 @@ mod tests {
         asset.validate().unwrap();
         assert_eq!((asset.num_splats(), asset.num_texels()), (3, 5));
         assert_eq!(asset.maps[2].offset_texels, 1);
-    }
-
-    #[test]
-    fn errors_keep_their_family() {
-        let code = |e: litetex_exporters::Error| Error::from(e).exit_code();
-        assert_eq!(code(litetex_exporters::Error::invalid("a", "b")), 3);
-        assert_eq!(code(litetex_exporters::Error::unsupported("a", "b")), 4);
-        let missing = std::io::Error::from(std::io::ErrorKind::NotFound);
-        assert_eq!(code(litetex_exporters::Error::io("a", missing)), 3);
     }
 }

@@ -1,7 +1,6 @@
 //! `litetex compare`: two images, two folders of images, or the images of two scenes.
 
-use super::sources::load_scene;
-use litetex_exporters::Format;
+use super::sources::{check_kind, is_asset, load_scene};
 use litetex_gs::backend::RenderedImage;
 use litetex_gs::console::device;
 use litetex_gs::console::values::parse_decibels;
@@ -47,6 +46,9 @@ pub fn run(args: &CompareArgs, log: &Log) -> anyhow::Result<()> {
     for path in [&args.a, &args.b] {
         if !path.exists() {
             return Err(Error::io(path, std::io::ErrorKind::NotFound.into()).into());
+        }
+        if !is_image(path) {
+            check_kind(path, ", an image (.png, .jpg, .exr) or a folder of images")?;
         }
     }
     let differences = match (is_scene(&args.a), is_scene(&args.b)) {
@@ -123,10 +125,7 @@ fn print_table(differences: &[Difference]) -> std::io::Result<()> {
 
 /// Whether a path names a run, a checkpoint or an asset.
 fn is_scene(path: &Path) -> bool {
-    let is_file = path.is_file();
-    let is_checkpoint = path.extension().is_some_and(|e| e == "safetensors");
-    (is_file && (Format::from_path(path).is_some() || is_checkpoint))
-        || (!is_file && find_checkpoint(path).is_ok())
+    is_asset(path) || find_checkpoint(path).is_ok()
 }
 
 fn scenes(args: &CompareArgs, log: &Log) -> Result<Vec<Difference>> {
@@ -205,6 +204,12 @@ fn read(path: &Path) -> Result<RenderedImage> {
     Ok(RenderedImage { width_px, height_px, rgb, alpha: vec![], depth: vec![], normal: vec![] })
 }
 
+/// Whether the name of a file is that of an image.
+fn is_image(path: &Path) -> bool {
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    ["png", "jpg", "jpeg", "webp", "exr"].contains(&extension.as_str())
+}
+
 /// Paths of the images below a folder, relative to it.
 fn names(folder: &Path) -> Result<BTreeSet<PathBuf>> {
     let mut found = BTreeSet::new();
@@ -212,11 +217,9 @@ fn names(folder: &Path) -> Result<BTreeSet<PathBuf>> {
     while let Some(at) = folders.pop() {
         for entry in std::fs::read_dir(&at).map_err(|e| Error::io(&at, e))? {
             let path = entry.map_err(|e| Error::io(&at, e))?.path();
-            let extension =
-                path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
             if path.is_dir() {
                 folders.push(path);
-            } else if ["png", "jpg", "jpeg", "exr"].contains(&extension.as_str())
+            } else if is_image(&path)
                 && let Ok(name) = path.strip_prefix(folder)
             {
                 found.insert(name.to_owned());

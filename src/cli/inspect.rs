@@ -1,14 +1,14 @@
 //! `litetex inspect`: the contents of a capture, a run, a checkpoint or an asset.
 
 use super::capture_args::CaptureArgs;
-use super::sources::read_scene;
+use super::sources::{check_kind, is_asset, read_scene};
 use glam::{DVec3, Vec3};
-use litetex_exporters::{Describes, Format, LayerSize, Quality, SplatAsset, Transform};
+use litetex_exporters::{Describes, LayerSize, Quality, SplatAsset, Transform};
 use litetex_gs::bake::model_from_asset;
 use litetex_gs::console::{Log, Table, path_text, print_json};
 use litetex_gs::dataset::{Capture, LoadOptions, read_ply_points};
 use litetex_gs::model::Model;
-use litetex_gs::run::{Summary, Trained, find_checkpoint};
+use litetex_gs::run::{Summary, Trained, find_checkpoint, is_checkpoint};
 use litetex_gs::text::{format_bytes, format_count, shortened};
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result};
@@ -48,11 +48,14 @@ fn inspect(args: &InspectArgs, log: &Log) -> Result<Value> {
     }
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
     match extension.to_ascii_lowercase().as_str() {
-        "safetensors" => checkpoint(path),
         "ply" if path.is_file() => ply(path, log),
-        _ if path.is_file() && Format::from_path(path).is_some() => asset(path, log),
+        _ if is_asset(path) => asset(path, log),
+        _ if is_checkpoint(path) => checkpoint(path),
         _ if is_run(path) => run_folder(path),
-        _ => {
+        extension => {
+            if !["zip", "json", "csv"].contains(&extension) {
+                check_kind(path, " or a capture (a folder, a ZIP archive, transforms.json)")?;
+            }
             let mut options = LoadOptions::default();
             args.capture_args.apply(&mut options);
             let capture = Capture::load(path, &options)?;

@@ -1,12 +1,12 @@
 //! Loads the scene that a user names: a run, a checkpoint or an asset. Rendering, exporting and verifying start here.
 
-use litetex_exporters::{Format, ReadLimits};
+use litetex_exporters::{Format, ReadLimits, unknown_kind};
 use litetex_gs::backend::Backend;
 use litetex_gs::console::Log;
 use litetex_gs::console::device;
 use litetex_gs::dataset::{Capture, LoadOptions};
 use litetex_gs::memory::machine_bytes;
-use litetex_gs::run::Trained;
+use litetex_gs::run::{RUN_OR_CHECKPOINT, Trained, is_checkpoint};
 use litetex_gs::verify::BakedScene;
 use litetex_gs::{Error, Report, Result};
 use std::path::Path;
@@ -21,6 +21,18 @@ pub fn on_device(trained: &Trained, name: &str, log: &Log) -> Result<Box<dyn Bac
     Ok(backend)
 }
 
+/// Refuses a file that is neither a checkpoint nor an asset; the message names `others` that can be used as well.
+///
+/// # Errors
+/// [`Error::Unsupported`].
+pub fn check_kind(source: &Path, others: &str) -> Result<()> {
+    if !source.is_file() || is_asset(source) || is_checkpoint(source) {
+        return Ok(());
+    }
+    let expected = format!("{}, {RUN_OR_CHECKPOINT}{others}", Format::all_named());
+    Err(unknown_kind(source, &expected).into())
+}
+
 /// Whether a path is that of an asset, not of a run or a checkpoint.
 pub fn is_asset(source: &Path) -> bool {
     source.is_file() && Format::from_path(source).is_some()
@@ -31,6 +43,7 @@ pub fn is_asset(source: &Path) -> bool {
 /// # Errors
 /// What reading it found.
 pub fn load_scene(source: &Path, log: &Log) -> Result<(BakedScene, Option<Trained>)> {
+    check_kind(source, "")?;
     if is_asset(source) {
         return Ok((read_scene(source, log)?, None));
     }

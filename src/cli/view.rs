@@ -1,14 +1,15 @@
 //! `litetex view`: shows a scene in the browser, and follows a run while it trains.
 
-use super::sources::{is_asset, load_scene, open_photos};
+use super::sources::{check_kind, load_scene, open_photos};
 use super::stamp::Stamp;
 use super::view_photos::{CapturePhotos, list};
 use super::view_run::RunWatch;
 use super::view_scene::{name_of, served};
 use crate::viewer::{Server, Shown};
+use litetex_exporters::Format;
 use litetex_gs::console::{Interrupt, Log};
 use litetex_gs::dataset::Capture;
-use litetex_gs::run::is_run;
+use litetex_gs::run::{RUN_OR_CHECKPOINT, is_run};
 use litetex_gs::verify::BakedScene;
 use litetex_gs::{Error, Result};
 use std::io::{ErrorKind, Write};
@@ -93,17 +94,14 @@ impl Watch {
 
 /// Refuses what is neither a run, a checkpoint nor an asset, by its name.
 fn refuse_other_kinds(source: &Path) -> Result<()> {
-    let shown = "view shows assets (.ltgs, .glb, .gltf, .html, .usda, .usdc, .usdz, .ply, .spz), checkpoints (.safetensors) and runs";
     if source.is_dir() && !source.join("checkpoints").is_dir() {
-        let what =
-            format!("a folder without checkpoints: {shown}; a capture is to be trained first: litetex train");
+        let what = format!(
+            "a folder without checkpoints; expected {} or {RUN_OR_CHECKPOINT}; a capture is to be trained first: litetex train",
+            Format::all_named()
+        );
         return Err(Error::invalid(source, what));
     }
-    let is_checkpoint = source.extension().is_some_and(|e| e == "safetensors");
-    if source.is_file() && !is_asset(source) && !is_checkpoint {
-        return Err(Error::invalid(source, format!("a file of another kind: {shown}")));
-    }
-    Ok(())
+    check_kind(source, "")
 }
 
 /// Reads what is to be shown.

@@ -15,6 +15,7 @@ use crate::camera::{Camera, Similarity};
 use crate::text::{self, quoted};
 use crate::views::Split;
 use crate::{Error, Report, Result};
+use litetex_exporters::unknown_kind;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
@@ -148,10 +149,11 @@ fn find_poses(
     let files: Vec<&str> = CaptureFormat::all().filter(wanted).map(|f| f.entry().files).collect();
     let files = files.join(", or ");
     Err(if path.is_file() {
-        let what = format!(
-            "not a capture; expected a folder with {files}, a ZIP archive of it, or a transforms.json"
-        );
-        Error::unsupported(path, advice::for_path(path).unwrap_or(what))
+        let expected = format!("a capture: a folder with {files}, a ZIP archive of it, or a transforms.json");
+        match advice::for_path(path) {
+            Some(advice) => Error::unsupported(path, advice),
+            None => unknown_kind(path, &expected).into(),
+        }
     } else {
         let advice = match is_archive {
             true => advice::for_path(path).map(|_| UNPACK.to_owned()),

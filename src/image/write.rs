@@ -74,7 +74,7 @@ pub fn write_png(
     png::PngEncoder::new_with_quality(&mut bytes, png::CompressionType::Default, png::FilterType::Adaptive)
         .write_image(values, width_px, height_px, colour)
         .map_err(|e| Error::io(path, std::io::Error::other(e)))?;
-    atomic_file::write(path, &bytes)
+    Ok(atomic_file::write(path, &bytes)?)
 }
 
 /// Quality of JPEG files in reports: good enough to look at a render.
@@ -90,7 +90,7 @@ pub fn write_jpeg(path: &Path, width_px: u32, height_px: u32, rgb: &[u8], qualit
     JpegEncoder::new_with_quality(&mut bytes, quality)
         .write_image(rgb, width_px, height_px, ExtendedColorType::Rgb8)
         .map_err(|e| Error::io(path, std::io::Error::other(e)))?;
-    atomic_file::write(path, &bytes)
+    Ok(atomic_file::write(path, &bytes)?)
 }
 
 /// Writes a 32-bit float EXR (lossless ZIP). Grey becomes channel `Y`.
@@ -127,7 +127,7 @@ pub fn write_exr(
         .non_parallel()
         .to_buffered(&mut bytes)
         .map_err(|e| Error::io(path, std::io::Error::other(e.to_string())))?;
-    atomic_file::write(path, bytes.get_ref())
+    Ok(atomic_file::write(path, bytes.get_ref())?)
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ use super::evaluations::{
     remove_if_empty, remove_staged, step_of_name,
 };
 use crate::{Error, Result, atomic_file, input_file};
+use litetex_exporters::unknown_kind;
 use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -250,13 +251,24 @@ pub fn is_run(folder: &Path) -> bool {
         && RunConfig::parse(&file, &text).is_ok()
 }
 
+/// What names a trained model, for messages.
+pub const RUN_OR_CHECKPOINT: &str = "the folder of a run or one of its checkpoints (step-*.safetensors)";
+
+/// Whether a path is that of a checkpoint.
+pub fn is_checkpoint(path: &Path) -> bool {
+    path.is_file() && path.extension().is_some_and(|e| e == "safetensors")
+}
+
 /// The checkpoint that a file is, or the last one in the folder of a run.
 ///
 /// # Errors
 /// [`Error::InvalidInput`] if there is none, [`Error::Io`].
 pub fn find_checkpoint(path: &Path) -> Result<PathBuf> {
-    if path.is_file() {
+    if is_checkpoint(path) {
         return Ok(path.to_owned());
+    }
+    if path.is_file() {
+        return Err(unknown_kind(path, RUN_OR_CHECKPOINT).into());
     }
     if !path.exists() {
         return Err(Error::io(path, std::io::ErrorKind::NotFound.into()));

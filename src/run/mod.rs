@@ -21,8 +21,8 @@ pub use config::{MAX_RESOLUTION_MIN, RunConfig, SaveImages};
 pub use evaluations::StagedFolder;
 pub use first_model::{fresh_model, fresh_state};
 pub use folder::{
-    PREVIEW, RunFolder, RunLock, check_empty, checkpoints_after, find_checkpoint, holds_checkpoint, is_run,
-    run_of_checkpoint,
+    PREVIEW, RUN_OR_CHECKPOINT, RunFolder, RunLock, check_empty, checkpoints_after, find_checkpoint,
+    holds_checkpoint, is_checkpoint, is_run, run_of_checkpoint,
 };
 pub use init_source::InitSource;
 pub use profile::Profile;

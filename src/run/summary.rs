@@ -303,7 +303,7 @@ impl Summary {
     pub fn write(&self, path: &Path) -> Result<()> {
         let mut text = serde_json::to_vec_pretty(self).map_err(|e| crate::Error::io(path, e.into()))?;
         text.push(b'\n');
-        atomic_file::write(path, &text)
+        Ok(atomic_file::write(path, &text)?)
     }
 
     /// Reads `summary.json`.

@@ -9,7 +9,7 @@ use crate::model::{AdamState, Model};
 use crate::train::checkpoint;
 use crate::verify::{CaptureIdentity, PSNR_TEST, bake_checkpoint, cameras_from_strings};
 use crate::{Error, Report, Result};
-use litetex_exporters::{AssetCamera, Format, Provenance, SplatAsset};
+use litetex_exporters::{AssetCamera, Provenance, SplatAsset};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -37,12 +37,6 @@ impl Trained {
     /// # Errors
     /// [`Error::Io`], [`Error::InvalidInput`], [`Error::Unsupported`].
     pub fn load(source: &Path) -> Result<Self> {
-        if source.is_file() && Format::from_path(source).is_some() {
-            return Err(Error::unsupported(
-                source,
-                "an asset; expected the folder of a run, or one of its checkpoints (step-*.safetensors)",
-            ));
-        }
         let path = find_checkpoint(source)?;
         let (state, strings) = checkpoint::load_without_history(&path)?;
         let config = config_of(&path, &strings)?;

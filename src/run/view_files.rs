@@ -75,7 +75,7 @@ pub fn write_per_view(folder: &Path, evaluation: &Evaluation) -> Result<()> {
             v.psnr, v.grad_psnr, v.ssim_3dgs, v.ssim_valid, v.flip
         ));
     }
-    atomic_file::write(&folder.join(PER_VIEW), text.as_bytes())
+    Ok(atomic_file::write(&folder.join(PER_VIEW), text.as_bytes())?)
 }
 
 /// Names of the views in the table that [`write_per_view`] wrote into a folder; `None` if there is no such table.

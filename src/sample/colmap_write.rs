@@ -76,7 +76,7 @@ impl SparseModel {
         let (keypoints, tracks) = self.keypoints_and_tracks();
         atomic_file::write(&folder.join("cameras.bin"), &self.cameras_bin())?;
         atomic_file::write(&folder.join("images.bin"), &self.images_bin(&keypoints))?;
-        atomic_file::write(&folder.join("points3D.bin"), &self.points_bin(&tracks))
+        Ok(atomic_file::write(&folder.join("points3D.bin"), &self.points_bin(&tracks))?)
     }
 
     fn cameras_bin(&self) -> Vec<u8> {
@@ -161,7 +161,7 @@ impl SparseModel {
         }
         atomic_file::write(&folder.join("cameras.txt"), cameras.as_bytes())?;
         atomic_file::write(&folder.join("images.txt"), images.as_bytes())?;
-        atomic_file::write(&folder.join("points3D.txt"), points.as_bytes())
+        Ok(atomic_file::write(&folder.join("points3D.txt"), points.as_bytes())?)
     }
 }
 

@@ -97,7 +97,7 @@ fn write_truth(dir: &Path, capture: &Capture) -> Result<()> {
     }
     let json = serde_json::to_vec_pretty(&capture.description())
         .map_err(|e| Error::io(dir, std::io::Error::other(e)))?;
-    atomic_file::write(&dir.join("truth/scene.json"), &json)
+    Ok(atomic_file::write(&dir.join("truth/scene.json"), &json)?)
 }
 
 #[cfg(test)]

@@ -72,6 +72,16 @@ def decoded(codes, scale, bias):
     return np.clip(texels.astype(np.float32).astype(np.float64), -1.0, 1.0)
 
 
+def checked(data, reference, hashes):
+    """Bytes of a sidecar file, if they are those that were written with the file that refers to them (gltf.md, section 9)."""
+    if reference in hashes:
+        import xxhash
+
+        found = xxhash.xxh3_64_hexdigest(data)
+        assert found == hashes[reference].lower(), f"{reference}: hash {found}, expected {hashes[reference]}: another export"
+    return data
+
+
 class Gltf:
     """A glTF container: JSON, buffers, accessors, images."""
 
@@ -79,7 +89,7 @@ class Gltf:
         self.folder = os.path.dirname(path)
         with open(path, "rb") as file:
             data = file.read()
-        self.embedded = b""
+        self.embedded, self.hashes = b"", {}
         if data[:4] != b"glTF":
             self.json = json.loads(data)
             return
@@ -100,7 +110,7 @@ class Gltf:
         if uri.startswith("data:"):
             return base64.b64decode(uri.split(",", 1)[1])
         with open(os.path.join(self.folder, unquote(uri)), "rb") as file:
-            return file.read()
+            return checked(file.read(), uri, self.hashes)
 
     def view(self, index):
         """Bytes of a buffer view."""
@@ -145,7 +155,8 @@ def read_gltf(path):
     assert len(primitives) == 1, f"{len(primitives)} primitives with splats, expected one"
     attributes = primitives[0]["attributes"]
     textured = primitives[0]["extensions"][KHR]["extensions"][TEXTURE]
-    assert textured["version"] == 2, "unknown version"
+    assert textured["version"] == 3, "unknown version"
+    gltf.hashes = textured.get("sidecars", {})
     if "stream" in textured:
         return read_stream(gltf.view(textured["stream"]["bufferView"]), textured, len(gltf.accessor(attributes["POSITION"])))
 
@@ -206,18 +217,20 @@ def read_usd(path):
     def primvar(name, empty=None):
         return value(f"primvars:litetex:{name}", empty)
 
-    assert primvar("version") == 2, "unknown version"
+    assert primvar("version") == 3, "unknown version"
     positions = np.array(value("positions"), np.float64)
     count = len(positions)
     degree = value("radiance:sphericalHarmonicsDegree")
     sh = np.array(value("radiance:sphericalHarmonicsCoefficients"), np.float64).reshape(count, (degree + 1) ** 2, 3)
     if primvar("sh0") is not None:
         sh[:, 0] = np.array(primvar("sh0"), np.float64)
+    facts = stage.GetRootLayer().customLayerData["litetex"]
+    hashes = json.loads(facts.get("sidecars", "{}"))
     pages = []
     for k, (width, height) in enumerate(value("litetex:pageSizes", [])):
         shader = UsdShade.Shader(stage.GetPrimAtPath(f"{root.GetPath()}/Atlas/Page{k}"))
         asset = shader.GetInput("file").Get()
-        data = usd_image(asset)
+        data = checked(usd_image(asset), asset.path, hashes)
         if primvar("decodeScale") is None:
             texels = read_exr(data)
         else:
@@ -236,14 +249,14 @@ def read_usd(path):
         texel_sizes=np.array(primvar("texelSize", np.zeros((count, 2))), np.float64).reshape(count, 2),
         shifts=np.array(primvar("shift", np.zeros((count, 2))), np.float64).reshape(count, 2),
         pages=pages,
-        meta=json.loads(stage.GetRootLayer().customLayerData["litetex"]["meta"]),
+        meta=json.loads(facts["meta"]),
     )
 
 
 def read_stream(data, textured, count):
     """Reads the scene of a stream in glTF (gltf.md, section 3a)."""
     assert textured["stream"]["mimeType"] == "application/vnd.litetex.ltgs", "unknown codec"
-    assert textured.keys() <= {"version", "quality", "hash", "stream"}, "properties beside the stream"
+    assert textured.keys() <= {"version", "quality", "hash", "sidecars", "stream"}, "properties beside the stream"
     scene = read_ltgs(data, textured["hash"])
     assert len(scene.positions) == count, f"{len(scene.positions)} splats, attributes of {count}"
     return scene

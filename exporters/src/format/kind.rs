@@ -1,6 +1,6 @@
 //! The formats, their extensions, qualities and the names of their files.
 
-use crate::{Error, Quality, Result, gltf, usd};
+use crate::{Error, Quality, Result, gltf, quoted, usd};
 use std::path::{Path, PathBuf};
 
 /// A file format in which assets are written and read.
@@ -66,14 +66,13 @@ impl Format {
     /// # Errors
     /// [`Error::Unsupported`] listing the known extensions.
     pub fn of(path: &Path) -> Result<Self> {
-        Self::from_path(path).ok_or_else(|| {
-            let known: Vec<String> = Self::ALL.iter().map(|f| format!(".{}", f.extension())).collect();
-            let found = path.extension().unwrap_or_default().to_string_lossy();
-            Error::unsupported(
-                path,
-                format!("no format has the extension {found:?}; known: {}", known.join(", ")),
-            )
-        })
+        Self::from_path(path).ok_or_else(|| unknown_kind(path, &Self::all_named()))
+    }
+
+    /// All formats by their extensions, for messages.
+    pub fn all_named() -> String {
+        let extensions = Self::ALL.map(|f| format!(".{}", f.extension()));
+        format!("an asset ({})", extensions.join(", "))
     }
 
     /// Whether the format keeps textures.
@@ -95,7 +94,7 @@ impl Format {
     pub fn has_steps(self, quality: Quality) -> bool {
         match self {
             Self::Ltgs | Self::Html => true,
-            Self::Glb | Self::Gltf => matches!(quality, Quality::Tiny | Quality::Custom),
+            Self::Glb | Self::Gltf => gltf::embeds_file(quality),
             _ => false,
         }
     }
@@ -147,6 +146,15 @@ impl Format {
         }
         files
     }
+}
+
+/// What to say of a file whose name tells no kind that can be used in its place; `expected` are those that can.
+pub fn unknown_kind(path: &Path, expected: &str) -> Error {
+    let found = match path.extension() {
+        Some(extension) => format!("{} file", quoted(&format!(".{}", extension.to_string_lossy()))),
+        None => "file without an extension".to_owned(),
+    };
+    Error::unsupported(path, format!("a {found} cannot be used here; expected {expected}"))
 }
 
 /// The sidecar file with the mesh of quads.

@@ -2,7 +2,9 @@
 
 use super::KHR;
 use super::stream::Stream;
+use crate::hash::{hash_from_text, text_from_hash};
 use crate::meta::Meta;
+use crate::sidecars::SidecarHashes;
 use crate::{ColourSpace, Error, Quality, Result, SplatAsset, quoted};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -12,7 +14,7 @@ use std::path::Path;
 pub const EXTENSION: &str = "LITETEX_gaussian_splatting_texture";
 
 /// Version of our extension that is written and read.
-pub const VERSION: u32 = 2;
+pub const VERSION: u32 = 3;
 
 /// Key of the digest in the `extras` of a primitive.
 const DIGEST: &str = "litetex";
@@ -40,7 +42,7 @@ pub struct SplattingExtensions {
     pub texture: Option<Value>,
 }
 
-/// The object of our extension, version 2.
+/// The object of our extension, version 3.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct TextureExtension {
@@ -49,6 +51,9 @@ pub struct TextureExtension {
     pub quality: String,
     /// 16 hexadecimal digits.
     pub hash: String,
+    /// Hashes of sidecar files, by their URIs.
+    #[serde(default, skip_serializing_if = "SidecarHashes::is_empty")]
+    pub sidecars: SidecarHashes,
     /// Accessor of u16 VEC4 (x, y, cols, rows); absent if no splat has a map.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rects: Option<u32>,
@@ -111,6 +116,7 @@ impl TextureExtension {
             version: VERSION,
             quality: quality.name().to_owned(),
             hash: text_from_hash(hash),
+            sidecars: SidecarHashes::default(),
             rects: None,
             pages: None,
             texel_size: None,
@@ -155,17 +161,6 @@ impl TextureExtension {
     pub fn hash(&self) -> Option<u64> {
         hash_from_text(&self.hash)
     }
-}
-
-/// A hash as 16 hexadecimal digits.
-pub fn text_from_hash(hash: u64) -> String {
-    format!("{hash:016x}")
-}
-
-fn hash_from_text(text: &str) -> Option<u64> {
-    (text.len() == 16 && text.bytes().all(|b| b.is_ascii_hexdigit()))
-        .then(|| u64::from_str_radix(text, 16).ok())
-        .flatten()
 }
 
 /// What stays in `extras` when a tool drops extensions that it does not know, so that the loss is noticed.

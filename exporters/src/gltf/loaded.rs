@@ -4,9 +4,11 @@
 use super::accessor::View;
 use super::container::{self, Parts};
 use super::document::{Accessor, BufferView, Document};
-use super::{EXTENSION, KHR, QUANTIZATION, UNLIT, files};
+use super::{EXTENSION, KHR, QUANTIZATION, UNLIT, files, scene};
 use crate::file::read_file;
+use crate::sidecars::SidecarHashes;
 use crate::{Error, ReadLimits, Result, quoted};
+use serde::Deserialize as _;
 use std::borrow::Cow;
 use std::cell::Cell;
 use std::path::Path;
@@ -41,6 +43,7 @@ pub struct Loaded<'a> {
     pub num_bytes: Cell<u64>,
     buffers: Vec<Cow<'a, [u8]>>,
     sidecar_files: SidecarFiles,
+    hashes: SidecarHashes,
     pub limits: ReadLimits,
     /// Bytes that have been counted against the limits.
     taken_bytes: Cell<u64>,
@@ -62,7 +65,11 @@ impl<'a> Loaded<'a> {
         let document: Document = serde_json::from_slice(parts.json)
             .map_err(|e| Error::invalid(path, format!("JSON of the file: {e}")))?;
         check_versions(&document, path)?;
+        // Checked in full when the extension is parsed.
+        let hashes = scene::splat_primitives(&document)
+            .find_map(|found| SidecarHashes::deserialize(found.splatting.texture()?.get("sidecars")?).ok());
         let mut loaded = Self {
+            hashes: hashes.unwrap_or_default(),
             document,
             path,
             num_bytes: Cell::new(bytes.len() as u64),
@@ -119,7 +126,8 @@ impl<'a> Loaded<'a> {
     /// Reads a sidecar file.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] if they may not be read, and those of [`files::resolve`] and [`read_file`], naming both files.
+    /// [`Error::Unsupported`] if they may not be read, [`Error::Invalid`] for a file of another export, and those of
+    /// [`files::resolve`] and [`read_file`], naming both files.
     pub fn side_file(&self, uri: &str) -> Result<Vec<u8>> {
         if self.sidecar_files == SidecarFiles::Refuse {
             let shown = quoted(uri);
@@ -131,6 +139,7 @@ impl<'a> Loaded<'a> {
         let bytes = file.and_then(|file| read_file(&file, left)).map_err(|e| e.named_by(self.path))?;
         self.num_bytes.set(self.num_bytes.get() + bytes.len() as u64);
         self.take_bytes(bytes.len() as u64, "sidecar files")?;
+        self.hashes.check(uri, &bytes, self.path)?;
         Ok(bytes)
     }
 

@@ -28,6 +28,7 @@ pub use extension::{EXTENSION, VERSION};
 pub(crate) use files::{arrays_name, page_name, stem};
 pub use mesh::{MeshOptions, MeshSummary, encode_mesh};
 pub use read::{decode_glb, read_fallback, read_gltf};
+pub(crate) use stream::embeds_file;
 pub(crate) use validate::QUADS_CODE;
 pub use validate::validate;
 pub(crate) use write::encode_files;

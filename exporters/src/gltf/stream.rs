@@ -4,8 +4,13 @@
 use super::extension::{EXTENSION, TextureExtension, VERSION};
 use super::loaded::Loaded;
 use crate::meta::Meta;
-use crate::{Contents, Describes, Error, Result, Section, ltgs, quoted};
+use crate::{Contents, Describes, Error, Quality, Result, Section, ltgs, quoted};
 use serde::{Deserialize, Serialize};
+
+/// Whether files of this quality hold an embedded file in place of arrays and pages.
+pub fn embeds_file(quality: Quality) -> bool {
+    matches!(quality, Quality::Tiny | Quality::Custom)
+}
 
 /// The only codec.
 pub const MIME_LTGS: &str = "application/vnd.litetex.ltgs";

@@ -7,12 +7,13 @@ mod splats;
 mod texture;
 
 use super::document::{Document, MODE_POINTS};
-use super::extension::{Digest, text_from_hash};
+use super::extension::Digest;
 use super::loaded::{Loaded, SidecarFiles};
 use super::mesh::is_quad_mesh;
 use super::scene::{self, Found};
 use super::{EXTENSION, KHR, container, read, sh_attribute};
 use crate::contents::Issues;
+use crate::hash::text_from_hash;
 use crate::{Error, Issue, ReadLimits, Severity, quoted};
 use std::path::Path;
 

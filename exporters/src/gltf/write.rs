@@ -7,7 +7,7 @@ use super::document::{
     Scene, Texture,
 };
 use super::extension::{Decode, Digest, Page, Splatting, TextureExtension};
-use super::stream::{MIME_LTGS, Stream};
+use super::stream::{MIME_LTGS, Stream, embeds_file};
 use super::{EXTENSION, KHR, cameras, container, files};
 use crate::atlas::{Atlas, PAGE_SIDE, PAGE_SIDE_MAX, TexelDecode, encode_exr, encode_png};
 use crate::meta::Meta;
@@ -53,8 +53,7 @@ pub fn encode_glb(asset: &SplatAsset, options: &GltfOptions<'_>) -> Result<Vec<u
 }
 
 /// Writes a `.glb`, or a `.gltf` with its arrays in `NAME.bin` and its pages in `NAME_atlas_0.png` or `.exr` and so on, by
-/// the extension of `path`. Returns all files, the one at `path` first. If it fails, nothing new stays and older files are
-/// as they were.
+/// the extension of `path`. Returns all files, the one at `path` first.
 ///
 /// # Errors
 /// As [`encode_glb`], and [`Error::Io`].
@@ -109,13 +108,13 @@ fn assemble(asset: &SplatAsset, options: &GltfOptions<'_>, stem: Option<&str>) -
         let what = format!("pages of {} texels per side, expected 1 to {PAGE_SIDE_MAX}", options.page_side);
         return Err(Error::invalid("", what));
     }
-    if matches!(options.quality, Quality::Tiny | Quality::Custom) {
+    if embeds_file(options.quality) {
         return streamed(asset, options, stem);
     }
     let atlas = Atlas::of(asset, options.page_side)?;
     let mut writer = Writer { stem, ..Writer::default() };
-    let primitive = match options.quality {
-        Quality::Lossless => writer.primitive(asset, &atlas, options.quality, Writer::lossless_pages)?,
+    let described = match options.quality {
+        Quality::Lossless => writer.described(asset, &atlas, options.quality, Writer::lossless_pages)?,
         _ => {
             // Everything else in the file is made from what a reader gets.
             let decode = TexelDecode::finest(&asset.texels);
@@ -125,10 +124,10 @@ fn assemble(asset: &SplatAsset, options: &GltfOptions<'_>, stem: Option<&str>) -
             let pages = |writer: &mut Writer<'_>, asset: &SplatAsset, atlas: &Atlas| {
                 writer.coded_pages(asset, atlas, &codes, decode)
             };
-            writer.primitive(&kept, &atlas, options.quality, pages)?
+            writer.described(&kept, &atlas, options.quality, pages)?
         }
     };
-    Ok(writer.finish(asset, options.cameras, primitive))
+    writer.finish(asset, options.cameras, described)
 }
 
 /// Assembles a file that holds a `.ltgs` file, and small attributes for other viewers.
@@ -145,8 +144,7 @@ fn streamed(asset: &SplatAsset, options: &GltfOptions<'_>, stem: Option<&str>) -
     let stream = Stream { buffer_view: writer.arrays.push_bytes(&bytes), mime_type: MIME_LTGS.to_owned() };
     let attributes = attributes::small(&mut writer.arrays, &kept);
     let extension = TextureExtension { stream: Some(stream), ..TextureExtension::new(quality, kept.hash()) };
-    let primitive = points(&kept, attributes, extension)?;
-    Ok(writer.finish(&kept, options.cameras, primitive))
+    writer.finish(&kept, options.cameras, (attributes, extension))
 }
 
 /// The primitive of splats.
@@ -177,6 +175,9 @@ pub fn asset_info(asset: &SplatAsset) -> AssetInfo {
     }
 }
 
+/// What describes the splats of a file.
+type Described = (Attributes, TextureExtension);
+
 /// The properties of our extension that describe pages.
 type Pages = (Vec<Page>, Option<Decode>);
 
@@ -191,13 +192,13 @@ struct Writer<'a> {
 }
 
 impl Writer<'_> {
-    fn primitive(
+    fn described(
         &mut self,
         asset: &SplatAsset,
         atlas: &Atlas,
         quality: Quality,
         pages: impl FnOnce(&mut Self, &SplatAsset, &Atlas) -> Result<Pages>,
-    ) -> Result<Primitive> {
+    ) -> Result<Described> {
         let (attributes, sh0) = attributes::exact(&mut self.arrays, asset);
         let has_maps = !asset.texels.is_empty();
         let used = Use::Other(None);
@@ -229,7 +230,7 @@ impl Writer<'_> {
             meta: Some(Meta::of(asset)),
             ..TextureExtension::new(quality, asset.hash())
         };
-        points(asset, attributes, extension)
+        Ok((attributes, extension))
     }
 
     /// Adds pages that keep texels bit for bit.
@@ -283,7 +284,20 @@ impl Writer<'_> {
         Ok((pages, Some(Decode { scale: decode.scale, bias: decode.bias })))
     }
 
-    fn finish(self, asset: &SplatAsset, cameras: Cameras, primitive: Primitive) -> Assembled {
+    fn finish(
+        self,
+        asset: &SplatAsset,
+        cameras: Cameras,
+        (attributes, mut extension): Described,
+    ) -> Result<Assembled> {
+        let buffer_uri = self.stem.map(|stem| files::uri_from_name(&files::arrays_name(stem)));
+        if let Some(uri) = &buffer_uri {
+            extension.sidecars.add(uri, &self.arrays.bytes);
+            self.files
+                .iter()
+                .for_each(|(name, bytes)| extension.sidecars.add(&files::uri_from_name(name), bytes));
+        }
+        let primitive = points(asset, attributes, extension)?;
         let title = Some(asset.provenance.title.clone()).filter(|t| !t.is_empty());
         // Nearest and clamped: filters must not mix neighbours.
         let sampler = serde_json::json!({
@@ -304,13 +318,10 @@ impl Writer<'_> {
             images: self.images,
             accessors: self.arrays.accessors,
             buffer_views: self.arrays.views,
-            buffers: vec![Buffer {
-                byte_length: self.arrays.bytes.len() as u64,
-                uri: self.stem.map(|stem| files::uri_from_name(&files::arrays_name(stem))),
-            }],
+            buffers: vec![Buffer { byte_length: self.arrays.bytes.len() as u64, uri: buffer_uri }],
             ..Document::default()
         };
-        Assembled { document, bin: self.arrays.bytes, files: self.files }
+        Ok(Assembled { document, bin: self.arrays.bytes, files: self.files })
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::integers::{compress, expand};
 use super::steps::Quantiser;
+use crate::hash::hash_from_text;
 use crate::meta::{META_BYTES_MAX, Meta};
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -73,6 +74,6 @@ impl FileMeta {
 
     /// The hash as a number.
     pub fn hash(&self) -> Option<u64> {
-        u64::from_str_radix(&self.hash, 16).ok()
+        hash_from_text(&self.hash)
     }
 }

@@ -9,6 +9,7 @@ use super::splats::SplatCodes;
 use super::steps::{Quantiser, Steps};
 use super::tables::{FileMeta, Order};
 use super::texels::{Map, TexelWriter};
+use crate::hash::text_from_hash;
 use crate::limits::with_room;
 use crate::meta::Meta;
 use crate::sh::SH_0;
@@ -102,7 +103,7 @@ fn file_meta(asset: &SplatAsset, quality: Quality, hash: u64, quantiser: Option<
     FileMeta {
         quality: quality.name().to_owned(),
         order: if quantiser.is_some() { Order::Morton } else { Order::Given },
-        hash: format!("{hash:016x}"),
+        hash: text_from_hash(hash),
         quantiser,
         meta: if quantiser.is_some() { Meta::with_short_cameras(asset) } else { Meta::of(asset) },
     }

@@ -3,7 +3,7 @@
 use super::escape::escaped;
 use super::{COMMENT_2DGS, world_comment};
 use crate::baked::{Baked, Baker};
-use crate::{Error, Result, SplatAsset, Transform, num_sh_coefficients, write_atomically};
+use crate::{Error, Result, SplatAsset, Transform, atomic_file, num_sh_coefficients};
 use std::path::Path;
 
 /// The layout of a PLY file.
@@ -86,7 +86,7 @@ const THICKNESS: f64 = 1e-6;
 /// As [`encode_ply`], and [`Error::Io`].
 pub fn write_ply(path: &Path, asset: &SplatAsset, options: &PlyOptions) -> Result<PlySummary> {
     let (bytes, summary) = encode_ply(asset, options).map_err(|e| e.at(path))?;
-    write_atomically(path, &bytes).map_err(|e| Error::io(path, e))?;
+    atomic_file::write(path, &bytes)?;
     Ok(summary)
 }
 

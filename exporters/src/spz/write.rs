@@ -4,7 +4,7 @@ use super::{ANTIALIASED, COLOUR_SCALE, MAGIC, ShBits, SpzOptions, SpzVersion, gz
 use crate::baked::{Baked, Baker};
 use crate::meta::Meta;
 use crate::sh::Turn;
-use crate::{Error, Filter, Result, SplatAsset, write_atomically, yup};
+use crate::{Error, Filter, Result, SplatAsset, atomic_file, yup};
 use std::path::Path;
 
 /// Fractional bits of positions that other programs accept.
@@ -31,7 +31,7 @@ pub struct SpzSummary {
 /// As [`encode_spz`], and [`Error::Io`].
 pub fn write_spz(path: &Path, asset: &SplatAsset, options: &SpzOptions) -> Result<SpzSummary> {
     let (bytes, summary) = encode_spz(asset, options).map_err(|e| e.at(path))?;
-    write_atomically(path, &bytes).map_err(|e| Error::io(path, e))?;
+    atomic_file::write(path, &bytes)?;
     Ok(summary)
 }
 

@@ -1,4 +1,4 @@
-//! Nothing is replaced without permission or lost to failures and kills, and staged files are readable.
+//! Nothing is replaced without permission, staged files are readable, and what a killed export leaves is whole or refused.
 
 use super::*;
 use crate::asset::tests::fixture;
@@ -13,7 +13,7 @@ fn with_title(title: &str) -> SplatAsset {
     let mut asset = fixture(20, 1);
     asset.provenance.title = title.to_owned();
     // Other texels make other images.
-    asset.texels.iter_mut().for_each(|t| *t *= 1.0 / title.len() as f32);
+    asset.texels.iter_mut().step_by(3).for_each(|t| *t *= 1.0 / title.len() as f32);
     asset
 }
 
@@ -73,7 +73,7 @@ fn staged_files_are_readable_and_published_in_place() {
         assert_eq!(mesh, matches!(format, Format::Glb | Format::Gltf));
         assert_eq!(format.sidecar_files(&path, false).len(), said.len() - usize::from(mesh));
     }
-    assert!(snapshot(folder.path()).keys().all(|p| p.extension().is_none_or(|e| e != "tmp")));
+    assert!(snapshot(folder.path()).keys().all(|p| p.extension().is_none_or(|e| e != "part")));
     // Formats under one stem share only the mesh.
     for format in Format::ALL.into_iter().filter(|f| f.keeps_textures()) {
         let path = folder.path().join(format!("scene.{}", format.extension()));
@@ -123,35 +123,6 @@ fn sidecar_files_are_not_replaced_without_permission() {
             assert_ne!(std::fs::read(&side).unwrap(), b"mine");
             assert_eq!(title(&path), "new");
         }
-    }
-}
-
-#[test]
-fn a_failing_overwrite_keeps_the_old_asset() {
-    for name in ["y.gltf", "y.glb", "y.usda", "y.usdc", "y.usdz", "y.ltgs"] {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join(name);
-        // First without an older one: nothing stays, not even the folder of images.
-        for old in [None, Some(with_title("old"))] {
-            if let Some(old) = &old {
-                write_asset(&path, old, &options(true)).unwrap();
-            }
-            let before = snapshot(folder.path());
-            let num_files = stage_asset(&path, &with_title("new"), &options(true)).unwrap().names.len();
-            for missing in 0..num_files {
-                let staged = stage_asset(&path, &with_title("new"), &options(true)).unwrap();
-                // Renaming this one will fail, after those before it have been renamed.
-                std::fs::remove_file(staged.new_file(&staged.names[missing])).unwrap();
-                assert!(matches!(staged.publish(true), Err(Error::Io { .. })));
-                assert_eq!(snapshot(folder.path()), before, "{name}: file {missing} of {num_files}");
-            }
-            if old.is_some() {
-                assert_eq!(title(&path), "old");
-            }
-        }
-        // Negative control.
-        write_asset(&path, &with_title("new"), &options(true)).unwrap();
-        assert_eq!(title(&path), "new");
     }
 }
 
@@ -208,129 +179,77 @@ fn a_link_is_replaced_and_its_target_is_kept() {
     assert_eq!(title(&path), "new");
 }
 
-/// Starts to replace the asset at `path` and is killed after some steps of the move. Returns whether all was done before.
-fn killed_after(steps: usize, path: &Path, asset: &SplatAsset) -> bool {
-    let staged = stage_asset(path, asset, &options(true)).unwrap();
-    staged.steps.left.set(Some(steps));
-    staged.publish(true).is_ok()
+/// Leaves the files as a process does that is killed after some of the moves.
+fn killed_after(moves: usize, staged: Staged) {
+    staged.names[..moves].iter().for_each(|name| staged.put(name).unwrap());
+    std::mem::forget(staged);
 }
 
 #[test]
-fn an_interrupted_move_is_finished_by_the_next_command() {
-    for name in ["y.gltf", "y.glb", "y.usda", "y.usdc"] {
-        for old in [None, Some(with_title("old"))] {
-            let mut mixed = 0;
-            for steps in 0.. {
+fn a_killed_export_leaves_an_asset_or_files_that_are_refused() {
+    for (name, num_refused) in [("y.gltf", 3), ("y.glb", 0), ("y.usda", 2), ("y.usdc", 2)] {
+        for old in [None, Some("older")] {
+            let mut refused = 0;
+            for moves in 0.. {
                 let folder = tempfile::tempdir().unwrap();
                 let path = folder.path().join(name);
-                if let Some(old) = &old {
-                    write_asset(&path, old, &options(true)).unwrap();
+                if let Some(old) = old {
+                    write_asset(&path, &with_title(old), &options(true)).unwrap();
                 }
-                let before = snapshot(folder.path());
-                if killed_after(steps, &path, &with_title("new")) {
-                    assert!(steps > 3, "{name}: {steps}");
+                let staged = stage_asset(&path, &with_title("new"), &options(true)).unwrap();
+                let num_files = staged.names.len();
+                if moves > num_files {
                     break;
                 }
-                let left = snapshot(folder.path());
-                let has_journal = left.keys().any(|p| p.ends_with("swap.json"));
-                let at_place = |all: &BTreeMap<PathBuf, _>| {
-                    let is_staged = |p: &&PathBuf| p.to_string_lossy().contains("/.y.");
-                    all.keys().filter(|p| !is_staged(p)).cloned().collect::<Vec<_>>()
-                };
-                mixed += usize::from(has_journal && at_place(&left) != at_place(&before));
-                // Reading finishes what was begun, and leaves alone what was not.
-                let found = read_asset(&path, &ReadLimits::default());
-                let expected = if has_journal { Some("new") } else { old.as_ref().map(|_| "old") };
-                let found = found.ok().map(|c| {
-                    assert_eq!(c.hash, Some(c.asset.hash()), "{name} after {steps}: mixed");
-                    c.asset.provenance.title
-                });
-                assert_eq!(found.as_deref(), expected, "{name} after {steps}");
-                // The next export tidies up, and is whole.
+                killed_after(moves, staged);
+                match read_asset(&path, &ReadLimits::default()) {
+                    Ok(contents) => {
+                        assert_eq!(contents.hash, Some(contents.asset.hash()), "{name} after {moves}: mixed");
+                        let expected = if moves == num_files { Some("new") } else { old };
+                        assert_eq!(
+                            Some(contents.asset.provenance.title.as_str()),
+                            expected,
+                            "{name} after {moves}"
+                        );
+                    }
+                    Err(error) if old.is_none() => {
+                        assert_eq!(kind(&error), Some(ErrorKind::NotFound), "{error}")
+                    }
+                    Err(error) => {
+                        refused += 1;
+                        let says = |word: &str| error.to_string().contains(word);
+                        assert!(
+                            says(name) && (says(".png\"") || says("y.bin")) && says("export the scene again"),
+                            "{error}"
+                        );
+                        let issues = crate::validate_file(&path).unwrap();
+                        assert!(
+                            issues.iter().any(|i| i.message.contains("export the scene again")),
+                            "{issues:?}"
+                        );
+                    }
+                }
+                // The next export is whole.
                 write_asset(&path, &with_title("third"), &options(true)).unwrap();
                 assert_eq!(title(&path), "third");
-                assert!(snapshot(folder.path()).keys().all(|p| p.extension().is_none_or(|e| e != "tmp")));
             }
-            assert!(mixed > 1 || old.is_some(), "negative control: {name} was killed between files");
+            assert_eq!(refused, if old.is_some() { num_refused } else { 0 }, "{name}");
         }
     }
 }
 
 #[test]
-fn a_move_that_cannot_be_finished_is_undone() {
-    let mut undone = 0;
-    for steps in 0.. {
-        let folder = tempfile::tempdir().unwrap();
-        let (path, aside) = (folder.path().join("y.usda"), folder.path().join("aside"));
-        write_asset(&path, &with_title("old"), &options(true)).unwrap();
-        let before = snapshot(folder.path());
-        if killed_after(steps, &path, &with_title("new")) {
-            break;
-        }
-        let is_moved = std::fs::read(&path).unwrap() != *before[&path].as_ref().unwrap();
-        let has_journal = snapshot(folder.path()).keys().any(|p| p.ends_with("swap.json"));
-        if is_moved || !has_journal {
-            continue;
-        }
-        // A folder in the place of the last file.
-        std::fs::rename(&path, &aside).unwrap();
-        std::fs::create_dir(&path).unwrap();
-        assert!(read_asset(&path, &ReadLimits::default()).is_err());
-        std::fs::remove_dir(&path).unwrap();
-        std::fs::rename(&aside, &path).unwrap();
-        assert_eq!(snapshot(folder.path()), before, "after {steps}");
-        undone += 1;
-    }
-    assert!(undone > 3, "{undone}");
-}
-
-#[test]
-fn only_leftovers_of_dead_processes_are_deleted() {
+fn without_hashes_a_mixed_asset_would_be_read() {
     let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("y.glb");
-    let make = |name: &str, entries: &[&str]| {
-        let made = folder.path().join(name);
-        entries.iter().for_each(|e| std::fs::create_dir_all(made.join(e).parent().unwrap()).unwrap());
-        entries.iter().for_each(|e| std::fs::write(made.join(e), "x").unwrap());
-        made
-    };
-    let dead = make(".y.glb.4194000-0.tmp", &["lock", "new/y.glb"]);
-    let other = make(".other.usda.4194000-3.tmp", &["lock", "new/a/b.png", "old/c"]);
-    let kept = [
-        make(".y.glb.4194001-0.tmp", &["no_lock"]),
-        make("y.glb.4194000-0.tmp", &["lock"]),
-        make(".y.glb.x-0.tmp", &["lock"]),
-        make(".y.glb", &["lock"]),
-    ];
-    let living = stage_asset(&path, &with_title("living"), &options(false)).unwrap();
-    assert!(!dead.exists() && !other.exists());
-    write_asset(&path, &with_title("new"), &options(false)).unwrap();
-    assert!(kept.iter().all(|k| k.is_dir()));
-    // A living process goes on undisturbed.
-    assert!(living.path().is_file());
-    living.publish(true).unwrap();
-    assert_eq!(title(&path), "living");
-}
-
-#[test]
-fn a_foreign_journal_moves_nothing() {
-    for names in
-        [["../y.bin", "y.gltf"], ["/tmp/y.bin", "y.gltf"], ["notes.txt", "y.gltf"], ["y.bin", "x.gltf"]]
-    {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("y.gltf");
-        write_asset(&path, &with_title("old"), &options(false)).unwrap();
-        std::fs::write(folder.path().join("notes.txt"), "mine").unwrap();
-        let staging = folder.path().join(".y.gltf.4194000-0.tmp");
-        std::fs::create_dir_all(staging.join("new")).unwrap();
-        for name in ["notes.txt", "y.bin", "y.gltf", "x.gltf", "lock"] {
-            std::fs::write(staging.join("new").join(name), "not yours").unwrap();
-        }
-        std::fs::write(staging.join("lock"), "").unwrap();
-        let files = names.map(|name| serde_json::json!({"name": name, "replaces": true}));
-        let journal = serde_json::json!({"files": files, "folders": []});
-        std::fs::write(staging.join("swap.json"), journal.to_string()).unwrap();
-        assert_eq!(title(&path), "old", "{names:?}");
-        assert_eq!(std::fs::read(folder.path().join("notes.txt")).unwrap(), b"mine");
-    }
+    let path = folder.path().join("y.gltf");
+    write_asset(&path, &with_title("older"), &options(false)).unwrap();
+    killed_after(1, stage_asset(&path, &with_title("new"), &options(false)).unwrap());
+    assert!(read_asset(&path, &ReadLimits::default()).is_err());
+    let mut json: serde_json::Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+    let extension = "/meshes/0/primitives/0/extensions/KHR_gaussian_splatting/extensions";
+    let extension = &mut json.pointer_mut(extension).unwrap()[crate::gltf::EXTENSION];
+    assert!(extension.as_object_mut().unwrap().remove("sidecars").is_some());
+    std::fs::write(&path, json.to_string()).unwrap();
+    let mixed = read_asset(&path, &ReadLimits::default()).unwrap();
+    assert_ne!(mixed.hash, Some(mixed.asset.hash()));
 }

@@ -9,6 +9,7 @@ use super::text_write::text_from_layer;
 use crate::atlas::{self, Atlas, PAGE_SIDE, PAGE_SIDE_MAX, TexelDecode};
 use crate::quads::{self, QUADS_MAX, Quads};
 use crate::shown_cameras::Cameras;
+use crate::sidecars::SidecarHashes;
 use crate::staging::{SidecarFile, Staged};
 use crate::{Error, Quality, Result, SplatAsset};
 use std::path::{Path, PathBuf};
@@ -37,7 +38,7 @@ impl Default for UsdOptions {
 
 /// Writes an asset as `.usda`, `.usdc` or `.usdz`, by the extension of `path`. Text and binary files have their images in
 /// the folder `STEM_usda_textures` or `STEM_usdc_textures` next to them; a package holds them. Returns all files, the one at
-/// `path` first. If it fails, nothing new stays and older files are as they were.
+/// `path` first.
 ///
 /// # Errors
 /// [`Error::Unsupported`] for other extensions and for qualities other than lossless and balanced, [`Error::Invalid`] and
@@ -62,13 +63,14 @@ pub(crate) fn encode_files(
         Container::Text => textures_name(stem(path)?, "usda"),
         Container::Binary => textures_name(stem(path)?, "usdc"),
     };
-    let Bundle { layer, images } = Bundle::of(asset, options, &folder).map_err(|e| e.at(path))?;
+    let is_package = container == Container::Package;
+    let Bundle { layer, images } = Bundle::of(asset, options, &folder, is_package).map_err(|e| e.at(path))?;
     let root = match container {
         Container::Text => text_from_layer(&layer).into_bytes(),
         Container::Binary | Container::Package => binary_from_layer(&layer),
     };
     drop(layer);
-    if container == Container::Package {
+    if is_package {
         let root = Entry { name: PACKAGE_ROOT.to_owned(), bytes: root };
         let entries = std::iter::once(root).chain(images).collect();
         return Ok((package_from_entries(entries).map_err(|e| e.at(path))?, Vec::new()));
@@ -122,7 +124,8 @@ struct Bundle {
 }
 
 impl Bundle {
-    fn of(asset: &SplatAsset, options: &UsdOptions, folder: &str) -> Result<Self> {
+    /// `is_package`: whether the images are in the same file as the layer.
+    fn of(asset: &SplatAsset, options: &UsdOptions, folder: &str, is_package: bool) -> Result<Self> {
         asset.validate()?;
         if options.page_side == 0 || options.page_side > PAGE_SIDE_MAX {
             let what = format!("pages of {} texels per side, at most {PAGE_SIDE_MAX}", options.page_side);
@@ -146,7 +149,7 @@ impl Bundle {
         };
         let extension = if decode.is_none() { "exr" } else { "png" };
         let mut images = named(pages, folder, "page", extension);
-        let page_paths = asset_paths(&images);
+        let page_paths: Vec<_> = images.iter().map(asset_path).collect();
         let quads =
             options.mesh.then(|| Quads::of(asset, QUADS_MAX, options.page_side.max(64))).transpose()?;
         let mut quad_pages = Vec::new();
@@ -154,14 +157,19 @@ impl Bundle {
             quad_pages.push(quads::encode_page(page)?);
         }
         let quad_images = named(quad_pages, folder, "quads", "png");
-        let quad_paths = asset_paths(&quad_images);
+        let quad_paths: Vec<_> = quad_images.iter().map(asset_path).collect();
         images.extend(quad_images);
+        let mut sidecars = SidecarHashes::default();
+        for image in images.iter().filter(|_| !is_package) {
+            sidecars.add(&asset_path(image), &image.bytes);
+        }
         let stage_images = Images {
             atlas: &atlas,
             page_paths: &page_paths,
             decode,
             quads: quads.as_ref(),
             quad_paths: &quad_paths,
+            sidecars,
         };
         let mut layer = stage::layer(asset, options.quality, hash, &stage_images)?;
         layer.root_prims.extend(cameras::prim(asset, options.cameras));
@@ -184,7 +192,7 @@ fn named(images: Vec<Vec<u8>>, folder: &str, name: &str, extension: &str) -> Vec
     images.into_iter().enumerate().map(named).collect()
 }
 
-/// Asset paths of images, relative to the layer.
-fn asset_paths(images: &[Entry]) -> Vec<String> {
-    images.iter().map(|p| format!("./{}", p.name)).collect()
+/// Asset path of an image, relative to the layer.
+fn asset_path(image: &Entry) -> String {
+    format!("./{}", image.name)
 }

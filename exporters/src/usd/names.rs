@@ -1,7 +1,7 @@
 //! Names of prims, properties and metadata of our files, shared by writers, readers and validation.
 
 /// Version of the meaning of `primvars:litetex:*`.
-pub(super) const VERSION: i32 = 2;
+pub(super) const VERSION: i32 = 3;
 
 /// Name of the root prim.
 pub(super) const SCENE: &str = "Scene";
@@ -62,3 +62,5 @@ pub(super) const PAGE_SIZES: &str = "litetex:pageSizes";
 
 /// Key of our dictionary in the layer's custom data.
 pub(super) const LITETEX: &str = "litetex";
+/// Key in it of the hashes of images that are files of their own.
+pub(super) const SIDECARS: &str = "sidecars";

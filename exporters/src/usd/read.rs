@@ -11,9 +11,12 @@ use super::text_read::{TextLayer, layer_from_text};
 use super::value::Value;
 use crate::atlas::MapRows;
 use crate::file::read_file;
+use crate::hash::{hash_from_text, text_from_hash};
 use crate::limits::filled;
 use crate::meta::{META_BYTES_MAX, Meta};
+use crate::sidecars::SidecarHashes;
 use crate::{Contents, Error, Quality, ReadLimits, Result, SplatAsset, quoted, yup};
+use serde::de::DeserializeOwned;
 use std::borrow::Cow;
 use std::path::Path;
 
@@ -43,6 +46,7 @@ pub(super) struct Opened<'a> {
     /// The entries of a package but the layer.
     entries: Option<Vec<Entry>>,
     file_bytes: u64,
+    hashes: SidecarHashes,
 }
 
 impl<'a> Opened<'a> {
@@ -70,7 +74,11 @@ impl<'a> Opened<'a> {
             (layer, Some(table_bytes), value_bytes)
         };
         let (layer_bytes, file_bytes) = (root.len() as u64, bytes.len() as u64);
-        Ok(Self { path, layer, layer_bytes, table_bytes, value_bytes, entries, file_bytes })
+        let hashes = SidecarHashes::default();
+        let mut opened =
+            Self { path, layer, layer_bytes, table_bytes, value_bytes, entries, file_bytes, hashes };
+        opened.hashes = opened.json(SIDECARS)?.unwrap_or_default();
+        Ok(opened)
     }
 
     /// All prims with their paths, in which variants are left out.
@@ -96,12 +104,17 @@ impl<'a> Opened<'a> {
 
     /// Frame, cameras and provenance; `None` if the file is not ours.
     pub(super) fn meta(&self) -> Result<Option<Meta>> {
-        let Some(meta) = self.fact("meta") else { return Ok(None) };
-        if meta.len() > META_BYTES_MAX {
-            return Err(Error::too_large(self.path, format!("meta of {} bytes", meta.len())));
+        self.json("meta")
+    }
+
+    /// An entry of our dictionary that is a JSON object.
+    fn json<T: DeserializeOwned>(&self, name: &str) -> Result<Option<T>> {
+        let Some(text) = self.fact(name) else { return Ok(None) };
+        if text.len() > META_BYTES_MAX {
+            return Err(Error::too_large(self.path, format!("{name} of {} bytes", text.len())));
         }
-        let meta = serde_json::from_str(meta);
-        meta.map(Some).map_err(|e| Error::invalid(self.path, format!("litetex:meta: {e}")))
+        let value = serde_json::from_str(text);
+        value.map(Some).map_err(|e| Error::invalid(self.path, format!("litetex:{name}: {e}")))
     }
 
     /// Step between codes of texels; 0 for floats.
@@ -137,6 +150,7 @@ impl<'a> Opened<'a> {
             return Err(invalid("it is outside the folder of the file"));
         }
         let bytes = read_file(&real, bytes_max).map_err(|e| e.at(&file).named_by(self.path))?;
+        self.hashes.check(asset_path, &bytes, self.path)?;
         Ok(Cow::Owned(bytes))
     }
 
@@ -159,13 +173,14 @@ impl<'a> Opened<'a> {
         Field { path: self.path, prim: field }.store(&mut asset, &limits.of_file(self.file_bytes))?;
         let texture_bytes = self.texels(field, &prims, &mut asset, limits)?;
         asset.validate().map_err(|e| e.at(self.path))?;
-        let hash = self.fact("hash").and_then(|h| u64::from_str_radix(h, 16).ok());
+        let hash = self.fact("hash").and_then(hash_from_text);
         let mut warnings = Vec::new();
         match hash {
             Some(hash) if hash == asset.hash() => {}
             Some(hash) => warnings.push(format!(
-                "the hash is {:016x}, the file states {hash:016x}: numbers were changed after the file was written",
-                asset.hash()
+                "the hash is {}, the file states {}: numbers were changed after the file was written",
+                text_from_hash(asset.hash()),
+                text_from_hash(hash)
             )),
             None => warnings.push("the file has no hash".to_owned()),
         }

@@ -6,8 +6,10 @@ use super::numbers::{self, floats, ints};
 use super::quad_mesh;
 use super::value::{Form, Numbers, Value};
 use crate::atlas::{Atlas, TexelDecode};
+use crate::hash::text_from_hash;
 use crate::meta::Meta;
 use crate::quads::Quads;
+use crate::sidecars::SidecarHashes;
 use crate::{Error, Quality, Result, SplatAsset, yup};
 
 /// The images of a stage, by their asset paths.
@@ -20,6 +22,8 @@ pub(super) struct Images<'a> {
     pub(super) quads: Option<&'a Quads>,
     /// Asset paths of the pages of rectangles.
     pub(super) quad_paths: &'a [String],
+    /// Of images that are files of their own.
+    pub(super) sidecars: SidecarHashes,
 }
 
 /// Makes the stage. `hash` is that of the asset that a reader gets.
@@ -38,7 +42,7 @@ pub(super) fn layer(asset: &SplatAsset, quality: Quality, hash: u64, images: &Im
     let selection = if images.quads.is_some() { "mesh" } else { "textured" }.to_owned();
     scene.variant_set = Some(VariantSet { name: REPRESENTATION.to_owned(), selection, variants });
     let metadata = vec![
-        ("customLayerData".to_owned(), custom_data(asset, quality, hash)?),
+        ("customLayerData".to_owned(), custom_data(asset, quality, hash, &images.sidecars)?),
         ("defaultPrim".to_owned(), Value::token(SCENE)),
         ("metersPerUnit".to_owned(), Value::double(1.0)),
         ("upAxis".to_owned(), Value::token("Y")),
@@ -51,18 +55,20 @@ fn variant(name: &str, children: Vec<Prim>) -> Prim {
 }
 
 /// Our dictionary of facts, sorted by name as other programs sort them.
-fn custom_data(asset: &SplatAsset, quality: Quality, hash: u64) -> Result<Value> {
-    let meta = serde_json::to_string(&Meta::of(asset));
-    let meta = meta.map_err(|e| Error::invalid("", format!("metadata: {e}")))?;
+fn custom_data(asset: &SplatAsset, quality: Quality, hash: u64, sidecars: &SidecarHashes) -> Result<Value> {
+    let failed = |e| Error::invalid("", format!("metadata: {e}"));
+    let meta = serde_json::to_string(&Meta::of(asset)).map_err(failed)?;
+    let sidecars =
+        (!sidecars.is_empty()).then(|| serde_json::to_string(sidecars)).transpose().map_err(failed)?;
     if meta.len() > crate::meta::META_BYTES_MAX {
         let what = format!("metadata of {} bytes, at most {}", meta.len(), crate::meta::META_BYTES_MAX);
         return Err(Error::too_large("", what));
     }
     let facts = &asset.provenance;
-    let entries = [
+    let mut entries = vec![
         ("author", Value::string(&facts.author)),
         ("generator", Value::string(concat!("litetex-exporters ", env!("CARGO_PKG_VERSION")))),
-        ("hash", Value::string(&format!("{hash:016x}"))),
+        ("hash", Value::string(&text_from_hash(hash))),
         ("licence", Value::string(&facts.licence)),
         ("meta", Value::string(&meta)),
         ("metricScale", Value::Bool(false)),
@@ -72,14 +78,16 @@ fn custom_data(asset: &SplatAsset, quality: Quality, hash: u64) -> Result<Value>
         ("title", Value::string(&facts.title)),
         ("version", Value::int(VERSION)),
     ];
+    let before = entries.partition_point(|(name, _)| *name < SIDECARS);
+    entries.splice(before..before, sidecars.map(|text| (SIDECARS, Value::string(&text))));
     if let Some((name, _)) = entries.iter().find(|(_, v)| v.as_text().is_some_and(|t| t.contains('\0'))) {
         return Err(Error::invalid(
             "",
             format!("{name}: a text with a zero character, which USD cannot hold"),
         ));
     }
-    let entries = entries.map(|(name, value)| (name.to_owned(), value));
-    Ok(Value::Dictionary(vec![(LITETEX.to_owned(), Value::Dictionary(entries.to_vec()))]))
+    let entries = entries.into_iter().map(|(name, value)| (name.to_owned(), value)).collect();
+    Ok(Value::Dictionary(vec![(LITETEX.to_owned(), Value::Dictionary(entries))]))
 }
 
 /// A value of doubles.

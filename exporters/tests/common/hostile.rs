@@ -158,8 +158,8 @@ fn glb(add: Add<'_>) {
     too_few["accessors"].as_array_mut().expect("accessors").iter_mut().for_each(|a| a["count"] = json!(3));
     add("stream_of_more_splats.glb", Invalid, join(&too_few, &with_stream));
     add("newer_container.glb", Unsupported, put(&bytes, 4, &[3]));
-    add("newer_extension.glb", Unsupported, edited(&|j| at(j, OURS)["version"] = json!(3)));
-    add("older_extension.glb", Unsupported, edited(&|j| at(j, OURS)["version"] = json!(1)));
+    add("newer_extension.glb", Unsupported, edited(&|j| at(j, OURS)["version"] = json!(gltf::VERSION + 1)));
+    add("older_extension.glb", Unsupported, edited(&|j| at(j, OURS)["version"] = json!(gltf::VERSION - 1)));
     add(
         "no_shifts.glb",
         Reads,
@@ -376,12 +376,12 @@ fn usda(add: Add<'_>) {
     add(
         "newer_arrays.usda",
         Unsupported,
-        replaced(&text, "int primvars:litetex:version = 2", "int primvars:litetex:version = 3"),
+        replaced(&text, "int primvars:litetex:version = 3", "int primvars:litetex:version = 4"),
     );
     add(
         "older_arrays.usda",
         Unsupported,
-        replaced(&text, "int primvars:litetex:version = 2", "int primvars:litetex:version = 1"),
+        replaced(&text, "int primvars:litetex:version = 3", "int primvars:litetex:version = 2"),
     );
 }
 

@@ -171,6 +171,12 @@ fn damaged_sidecar_files_are_errors() {
     let mut random = Random(9);
     for quality in [Quality::Lossless, Quality::Balanced] {
         let written = write_gltf(&path, &hard_fixture(60, 0), &options(quality)).unwrap();
+        let root = std::fs::read(&path).unwrap();
+        let mut json: Value = serde_json::from_slice(&root).unwrap();
+        let extension = json.pointer_mut(OURS).and_then(Value::as_object_mut).unwrap();
+        assert_eq!(extension.remove("sidecars").unwrap().as_object().unwrap().len(), written.len() - 1);
+        // As another program writes it, so that damaged files reach the readers of images.
+        let unchecked = json.to_string().into_bytes();
         for file in &written {
             let valid = std::fs::read(file).unwrap();
             for round in 0..60 {
@@ -181,12 +187,24 @@ fn damaged_sidecar_files_are_errors() {
                     damaged[random.below(valid.len())] ^= 1 << random.below(8);
                 }
                 std::fs::write(file, &damaged).unwrap();
-                if let Ok(contents) = read_gltf(&path, &ReadLimits::default()) {
-                    contents.asset.validate().unwrap();
-                    assert!(round % 3 != 0, "{}: cut, but read", file.display());
+                let is_changed = damaged != valid;
+                for has_hashes in [true, false] {
+                    if file != &path {
+                        std::fs::write(&path, if has_hashes { &root } else { &unchecked }).unwrap();
+                    }
+                    if let Ok(contents) = read_gltf(&path, &ReadLimits::default()) {
+                        contents.asset.validate().unwrap();
+                        assert!(round % 3 != 0, "{}: cut, but read", file.display());
+                        assert!(
+                            file == &path || !has_hashes || !is_changed,
+                            "{}: damaged, but read",
+                            file.display()
+                        );
+                    }
                 }
             }
             std::fs::write(file, &valid).unwrap();
+            std::fs::write(&path, &root).unwrap();
         }
         assert!(read_gltf(&path, &ReadLimits::default()).is_ok(), "negative control");
     }

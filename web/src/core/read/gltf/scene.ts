@@ -9,7 +9,7 @@ import { EXTENSION, KHR } from './names';
 import { worldFromMesh } from './node';
 
 /** Version of our extension that is read. */
-const VERSION = 2;
+const VERSION = 3;
 
 /** The splats of a file: what its JSON says. */
 export interface Found {

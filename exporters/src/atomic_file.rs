@@ -1,5 +1,4 @@
-//! Atomic file writes: to a temporary file in the same folder, synced to disk, then renamed. Knows nothing of the files'
-//! contents.
+//! Writes files that appear whole or not at all: under a temporary name in the same folder, synced to the disk, renamed.
 
 use crate::{Error, Result};
 use std::fs::{self, File, Permissions};
@@ -13,7 +12,7 @@ const SHOWN_CHARS: usize = 40;
 /// be replaced, and opening a pipe may block.
 ///
 /// # Errors
-/// [`Error::Usage`] naming `path`.
+/// [`Error::Occupied`].
 pub fn check_place(path: &Path) -> Result<()> {
     let what = match fs::metadata(path) {
         Ok(facts) if facts.is_dir() => "is a folder, expected the name of a file",
@@ -23,21 +22,28 @@ pub fn check_place(path: &Path) -> Result<()> {
         // What cannot be looked at is reported when it is written.
         Ok(_) | Err(_) => return Ok(()),
     };
-    Err(Error::Usage(format!("{}: {what}", path.display())))
+    Err(Error::Occupied { path: path.to_owned(), what: what.to_owned() })
 }
 
-/// Lets `fill` write a file at a temporary place in the same folder and moves it to `path` once it is
-/// safely on the disk, with the permissions of any new file. If anything fails, the temporary file is removed and
-/// `path` is as before.
+/// Writes a file. A link to a file is replaced, not followed. If anything fails, `path` is as before.
 ///
 /// # Errors
-/// What `fill` reports, [`Error::Io`] naming `path`, or as [`check_place`].
-pub fn write_with(path: &Path, fill: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
+/// [`Error::Io`] naming `path`, or as [`check_place`].
+pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
+    write_with(path, |temporary| fs::write(temporary, bytes).map_err(|e| Error::io(path, e)))
+}
+
+/// As [`write`], but lets `fill` write the file at a temporary place. It gets the permissions of any new file.
+///
+/// # Errors
+/// Those of `fill` and of [`write`].
+pub fn write_with<E: From<Error>>(path: &Path, fill: impl FnOnce(&Path) -> Result<(), E>) -> Result<(), E> {
     check_place(path)?;
-    let temporary = temporary_beside(path)?;
-    let outcome = new_file_permissions(&temporary).map_err(|e| Error::io(path, e)).and_then(|permissions| {
+    let temporary = temporary_beside(path);
+    let io = |e| E::from(Error::io(path, e));
+    let outcome = new_file_permissions(&temporary).map_err(io).and_then(|permissions| {
         fill(&temporary)?;
-        publish(&temporary, permissions, path).map_err(|e| Error::io(path, e))
+        restore(&temporary, permissions).and_then(|()| move_to(path, &temporary)).map_err(io)
     });
     if outcome.is_err() {
         // The first error is the one to report, not that of removing a leftover.
@@ -46,39 +52,13 @@ pub fn write_with(path: &Path, fill: impl FnOnce(&Path) -> Result<()>) -> Result
     outcome
 }
 
-/// Writes `bytes` to `path`, whole or not at all.
+/// Moves a finished file of the same file system to its place, once it is safely on the disk.
 ///
 /// # Errors
-/// [`Error::Io`] naming `path`, or as [`check_place`].
-pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
-    write_with(path, |temporary| fs::write(temporary, bytes).map_err(|e| Error::io(path, e)))
-}
-
-/// A name in the same folder that is unique to this call: `.NAME.PID-N.part`.
-fn temporary_beside(path: &Path) -> Result<PathBuf> {
-    static CALLS: AtomicU64 = AtomicU64::new(0);
-    let Some(name) = path.file_name() else {
-        return Err(Error::Usage(format!("{}: not a file name", path.display())));
-    };
-    let name: String = name.to_string_lossy().chars().take(SHOWN_CHARS).collect();
-    let (process, call) = (std::process::id(), CALLS.fetch_add(1, Ordering::Relaxed));
-    Ok(path.with_file_name(format!(".{name}.{process}-{call}.part")))
-}
-
-/// The permissions that the system gives to new files. `fill` may replace the file by one with others, as libraries
-/// do that write through private temporary files.
-fn new_file_permissions(temporary: &Path) -> std::io::Result<Permissions> {
-    Ok(File::create(temporary)?.metadata()?.permissions())
-}
-
-fn publish(temporary: &Path, permissions: Permissions, path: &Path) -> std::io::Result<()> {
-    let file = File::options().write(true).open(temporary)?;
-    if file.metadata()?.permissions() != permissions {
-        file.set_permissions(permissions)?;
-    }
-    file.sync_all()?;
-    drop(file);
-    fs::rename(temporary, path)?;
+/// Those of the system.
+pub(crate) fn move_to(path: &Path, finished: &Path) -> std::io::Result<()> {
+    File::options().write(true).open(finished)?.sync_all()?;
+    fs::rename(finished, path)?;
     // The rename itself must survive a power cut too; not every system lets a folder be opened.
     if let Some(folder) = path.parent()
         && let Ok(folder) = File::open(if folder.as_os_str().is_empty() { Path::new(".") } else { folder })
@@ -86,6 +66,29 @@ fn publish(temporary: &Path, permissions: Permissions, path: &Path) -> std::io::
         let _ = folder.sync_all();
     }
     Ok(())
+}
+
+/// A name in the same folder that is unique to this call: `.NAME.PID-N.part`.
+pub(crate) fn temporary_beside(path: &Path) -> PathBuf {
+    static CALLS: AtomicU64 = AtomicU64::new(0);
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let name: String = name.chars().take(SHOWN_CHARS).collect();
+    let (process, call) = (std::process::id(), CALLS.fetch_add(1, Ordering::Relaxed));
+    path.with_file_name(format!(".{name}.{process}-{call}.part"))
+}
+
+/// The permissions that the system gives to new files. `fill` may replace the file by one with others, as libraries
+/// do that write through private temporary files.
+fn new_file_permissions(temporary: &Path) -> std::io::Result<Permissions> {
+    File::create(temporary)?.metadata().map(|facts| facts.permissions())
+}
+
+fn restore(file: &Path, permissions: Permissions) -> std::io::Result<()> {
+    if fs::metadata(file)?.permissions() == permissions {
+        Ok(())
+    } else {
+        fs::set_permissions(file, permissions)
+    }
 }
 
 #[cfg(test)]
@@ -102,7 +105,7 @@ mod tests {
             // A file of its own that only its owner may read.
             let private = tempfile::NamedTempFile::new_in(folder.path()).unwrap();
             private.persist(temporary).unwrap();
-            Ok(())
+            Ok::<_, Error>(())
         })
         .unwrap();
         fs::write(&plain, "").unwrap();
@@ -123,7 +126,7 @@ mod tests {
         for (name, what) in [("pipe", "pipe"), ("link-to-pipe", "pipe"), ("folder", "folder")] {
             let error = write(&at(name), b"new").unwrap_err();
             let named = error.to_string().contains(name) && error.to_string().contains(what);
-            assert!(error.exit_code() == 2 && named, "{error}");
+            assert!(matches!(error, Error::Occupied { .. }) && named, "{error}");
         }
         assert!(at("pipe").metadata().unwrap().file_type().is_fifo());
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 3, "nothing temporary is left");
@@ -145,7 +148,7 @@ mod tests {
             write(path, b"whole").unwrap();
             assert_eq!(fs::read(path).unwrap(), b"whole");
         }
-        assert_ne!(temporary_beside(&alike[0]).unwrap(), temporary_beside(&alike[1]).unwrap());
+        assert_ne!(temporary_beside(&alike[0]), temporary_beside(&alike[1]));
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
     }
 
@@ -154,9 +157,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.txt");
         write(&path, b"old").unwrap();
-        let failed = write_with(&path, |temporary| {
+        let failed: Result<()> = write_with(&path, |temporary| {
             fs::write(temporary, b"half").unwrap();
-            Err(Error::Device("stop".to_owned()))
+            Err(Error::invalid(&path, "stop"))
         });
         assert!(failed.is_err());
         assert_eq!(fs::read(&path).unwrap(), b"old");
