@@ -6,9 +6,9 @@
 //! by pass, and pixel-splat pairs per pixel.
 
 use litetex_gs::backend::{Backend as _, RasterCounters};
+use litetex_gs::capture::{Capture, LoadOptions};
 use litetex_gs::clock::process_cpu_secs;
 use litetex_gs::cpu::CpuBackend;
-use litetex_gs::dataset::{Capture, LoadOptions};
 use litetex_gs::init::{InitInput, InitOptions, InitPoints, initial_model};
 use litetex_gs::train::{Control, TrainConfig, TrainEvent, TrainState, train};
 use std::collections::BTreeMap;

@@ -1,7 +1,7 @@
 //! Pinhole cameras and the transforms between frames, in f64.
 //!
 //! Camera axes follow COLMAP and OpenCV: x right, y down, z forward. A pixel's centre lies at its
-//! integer index + 0.5. There is no lens distortion here; `dataset` removes it on load.
+//! integer index + 0.5. There is no lens distortion here; `capture` removes it on load.
 
 mod orbit;
 

@@ -6,11 +6,11 @@
 pub mod backend;
 pub mod bake;
 pub mod camera;
+pub mod capture;
 pub mod clock;
 pub mod console;
 pub mod constants;
 pub mod cpu;
-pub mod dataset;
 mod error;
 pub mod eval;
 pub mod frequency;

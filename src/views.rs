@@ -1,5 +1,5 @@
 //! The interface of a capture for initialisation, training and evaluation: cameras in the local frame, names, the split, photos
-//! on demand and sparse points. `dataset` implements it for files, tests do so in memory.
+//! on demand and sparse points. `capture` implements it for files, tests do so in memory.
 
 use crate::Result;
 use crate::camera::Camera;

@@ -265,10 +265,10 @@ fn a_run_is_shown_with_its_photos() {
     assert_eq!((answer.status, answer.header("content-type")), (200, Some("image/png")));
     let file = folder.path().join("photo.png");
     std::fs::write(&file, &answer.body).unwrap();
-    let (width_px, height_px, rgb) = litetex_gs::dataset::read_image(&file).unwrap();
+    let (width_px, height_px, rgb) = litetex_gs::capture::read_image(&file).unwrap();
     assert_eq!([&photos[4]["widthPx"], &photos[4]["heightPx"]], [width_px, height_px]);
     let original = Path::new(&capture).join("images").join(photos[4]["view"].as_str().unwrap());
-    assert_eq!(litetex_gs::dataset::read_image(&original).unwrap().2, rgb);
+    assert_eq!(litetex_gs::capture::read_image(&original).unwrap().2, rgb);
     let other = page.request("GET", photos[5]["url"].as_str().unwrap(), "");
     assert!(other.body != answer.body, "negative control");
     assert_eq!(page.data("photo/9").status, 404);

@@ -7,8 +7,8 @@ mod common;
 
 use common::moved::{Change, Sample};
 use glam::{DMat3, DQuat, DVec3};
+use litetex_gs::capture::{Capture, LoadOptions};
 use litetex_gs::cpu::CpuBackend;
-use litetex_gs::dataset::{Capture, LoadOptions};
 use litetex_gs::init::{InitInput, InitOptions, InitPoints, initial_model};
 use litetex_gs::model::Model;
 use litetex_gs::sample::SampleOptions;

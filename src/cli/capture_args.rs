@@ -1,8 +1,8 @@
 //! Options for reading a capture; shared by `train` and `inspect`.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use litetex_gs::capture::{CaptureFormat, LoadOptions};
 use litetex_gs::console::values::{parse_bytes, parse_whole};
-use litetex_gs::dataset::{CaptureFormat, LoadOptions};
 use litetex_gs::run::MAX_RESOLUTION_MIN;
 use std::path::PathBuf;
 

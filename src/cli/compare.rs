@@ -2,10 +2,10 @@
 
 use super::sources::{check_kind, is_asset, load_scene};
 use litetex_gs::backend::RenderedImage;
+use litetex_gs::capture::read_image;
 use litetex_gs::console::device;
 use litetex_gs::console::values::parse_decibels;
 use litetex_gs::console::{Columns, Interrupt, Log, path_text, print_json};
-use litetex_gs::dataset::read_image;
 use litetex_gs::run::find_checkpoint;
 use litetex_gs::text::shortened;
 use litetex_gs::verify::{Difference, SceneRenderer, evenly_spread};

@@ -9,9 +9,9 @@ use litetex_exporters::{
     AssetCamera, Format, Quality, SplatAsset, WriteOptions, Written, num_sh_coefficients, read_asset,
     read_fallback, stage_asset,
 };
+use litetex_gs::capture::Capture;
 use litetex_gs::console::device;
 use litetex_gs::console::{Columns, Interrupt, Log};
-use litetex_gs::dataset::Capture;
 use litetex_gs::run::Trained;
 use litetex_gs::text::{format_bytes, format_count};
 use litetex_gs::verify::{

@@ -2,8 +2,8 @@
 
 use litetex_gs::Result;
 use litetex_gs::backend::{Backend, RenderedImage};
+use litetex_gs::capture::Capture;
 use litetex_gs::console::Table;
-use litetex_gs::dataset::Capture;
 use litetex_gs::run::Trained;
 
 /// Figures that are added up view by view.

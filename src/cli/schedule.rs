@@ -3,8 +3,8 @@
 use super::capture_args::CaptureArgs;
 use super::schedule_args::ScheduleFlags;
 use super::schedule_report::ScheduleReport;
+use litetex_gs::capture::{Capture, LoadOptions};
 use litetex_gs::console::{Log, print_json};
-use litetex_gs::dataset::{Capture, LoadOptions};
 use litetex_gs::frequency::FrequencyOptions;
 use std::path::PathBuf;
 

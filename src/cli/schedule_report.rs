@@ -1,8 +1,8 @@
 //! What `litetex schedule` reports: the frequency schedule of a capture and the stages that follow from it.
 
+use litetex_gs::capture::Capture;
 use litetex_gs::clock::process_cpu_secs;
 use litetex_gs::console::{Columns, Table, serialize_path};
-use litetex_gs::dataset::Capture;
 use litetex_gs::frequency::{FrequencyOptions, FrequencySchedule};
 use litetex_gs::text::{format_count, format_duration};
 use litetex_gs::train::{Schedule, StageSpan, TrainConfig, stage_spans};

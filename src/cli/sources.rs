@@ -2,9 +2,9 @@
 
 use litetex_exporters::{Format, ReadLimits, unknown_kind};
 use litetex_gs::backend::Backend;
+use litetex_gs::capture::{Capture, LoadOptions};
 use litetex_gs::console::Log;
 use litetex_gs::console::device;
-use litetex_gs::dataset::{Capture, LoadOptions};
 use litetex_gs::memory::machine_bytes;
 use litetex_gs::run::{RUN_OR_CHECKPOINT, Trained, is_checkpoint};
 use litetex_gs::verify::BakedScene;

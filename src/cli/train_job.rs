@@ -1,8 +1,8 @@
 //! Resolves a call of `litetex train`: settings, run folder, and the state of the run to resume.
 
 use super::train_args::TrainArgs;
+use litetex_gs::capture::Capture;
 use litetex_gs::console::Log;
-use litetex_gs::dataset::Capture;
 use litetex_gs::run::{
     Resumed, RunConfig, RunFolder, RunLock, checkpoints_after, config_of, find_checkpoint, holds_checkpoint,
     run_of_checkpoint,

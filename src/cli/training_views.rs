@@ -3,8 +3,8 @@
 use super::extra_figures::ExtraFigures;
 use litetex_gs::Result;
 use litetex_gs::backend::{Backend, RenderedImage};
+use litetex_gs::capture::Capture;
 use litetex_gs::console::Table;
-use litetex_gs::dataset::Capture;
 use litetex_gs::eval::{ImagePair, psnr};
 use litetex_gs::run::Trained;
 use litetex_gs::views::{Split, ViewSource as _};

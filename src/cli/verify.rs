@@ -4,10 +4,10 @@ use super::sources::{load_scene, open_photos, read_limits, read_scene};
 use litetex_exporters::{AssetCamera, Format, SplatAsset, Transform, read_fallback};
 use litetex_gs::Error;
 use litetex_gs::bake::asset_cameras;
+use litetex_gs::capture::Capture;
 use litetex_gs::console::device;
 use litetex_gs::console::values::parse_decibels;
 use litetex_gs::console::{Interrupt, Log, Table, path_text, print_json};
-use litetex_gs::dataset::Capture;
 use litetex_gs::verify::{
     ExpectedImages, PhotoPsnr, QualityLimits, ReadBack, SceneRenderer, Verdict, evenly_spread, verify,
 };

@@ -4,7 +4,7 @@ use crate::viewer::Photos;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder as _};
 use litetex_exporters::html::SessionPhoto;
-use litetex_gs::dataset::Capture;
+use litetex_gs::capture::Capture;
 use litetex_gs::views::ViewSource as _;
 use std::io;
 use std::sync::Arc;

@@ -1,7 +1,7 @@
 //! `litetex eval --worst`: the render of the worst test view beside its photo.
 
 use litetex_gs::backend::{Backend, RenderOptions};
-use litetex_gs::dataset::Capture;
+use litetex_gs::capture::Capture;
 use litetex_gs::eval::{Evaluation, quantised};
 use litetex_gs::image::{Channels, JPEG_QUALITY, write_jpeg, write_png};
 use litetex_gs::views::{Split, ViewSource as _};

@@ -1,5 +1,5 @@
 //! Rasters of pixels: the target image of training, resampling, colour ramps, and PNG and EXR writers.
-//! Measuring images is up to `eval`, reading photos to `dataset`.
+//! Measuring images is up to `eval`, reading photos to `capture`.
 
 mod colouring;
 pub(crate) mod glyphs;

@@ -1,5 +1,5 @@
 //! Initialisation: the model that training starts from, with a splat at each sparse point, at points found in the photos
-//! or at random ones (method section 5). Works from points, cameras and photos; reading them is up to `dataset`.
+//! or at random ones (method section 5). Works from points, cameras and photos; reading them is up to `capture`.
 
 mod backdrop;
 #[cfg(test)]

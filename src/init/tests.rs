@@ -1,8 +1,8 @@
 //! Behaviour of the initial model.
 
 use super::*;
-use crate::dataset::fixtures::Scene;
-use crate::dataset::{Capture, LoadOptions};
+use crate::capture::fixtures::Scene;
+use crate::capture::{Capture, LoadOptions};
 use crate::train::Policy;
 use crate::views::{Split, ViewSource as _};
 use tempfile::tempdir;

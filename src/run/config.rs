@@ -3,7 +3,7 @@
 
 use super::init_source::InitSource;
 use super::profile::Profile;
-use crate::dataset::LoadOptions;
+use crate::capture::LoadOptions;
 use crate::train::{Exposure, Policy, TrainConfig};
 use crate::{Error, Result, input_file};
 use serde::{Deserialize, Serialize};

@@ -2,7 +2,7 @@
 
 use super::config::RunConfig;
 use super::init_source::InitSource;
-use crate::dataset::Capture;
+use crate::capture::Capture;
 use crate::init::{InitInput, InitOptions, InitialModel, initial_model};
 use crate::model::{ModelSize, splat_params};
 use crate::train::density::Budget;

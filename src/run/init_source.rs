@@ -1,6 +1,6 @@
 //! The setting `init`: where the initial splats are placed, as typed and as written to `config.toml`.
 
-use crate::dataset::{Capture, read_ply_points};
+use crate::capture::{Capture, read_ply_points};
 use crate::init::InitPoints;
 use crate::views::SfmPoint;
 use crate::{Error, Result};
@@ -123,7 +123,7 @@ impl From<InitSource> for String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dataset::LoadOptions;
+    use crate::capture::LoadOptions;
     use crate::sample::{SampleOptions, write_sample};
 
     fn sample(folder: &Path) -> Capture {

@@ -6,7 +6,7 @@ use super::summary::{
 };
 use super::trained::render_options;
 use crate::backend::{Backend, RenderOptions};
-use crate::dataset::Capture;
+use crate::capture::Capture;
 use crate::eval::uncovered_share;
 use crate::memory::process_bytes;
 use crate::model::{Model, TextureMap};

@@ -4,7 +4,7 @@
 //! because the allocator keeps what it cannot return: runs of a few steps stay up to 40 % below the estimate, which is that
 //! of longer ones (16 views of 1600 x 1200, --image-cache 64MiB: 12 steps 533 MiB, 100 steps 709, 400 steps 788).
 
-use crate::dataset::Capture;
+use crate::capture::Capture;
 use crate::model::{MAP_PARAMS, Model, ModelSize, TEXEL_PARAMS, splat_params};
 use crate::text::{format_bytes, format_count, format_duration};
 use crate::train::density::{Budget, MapRule};

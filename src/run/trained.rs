@@ -4,7 +4,7 @@ use super::config::RunConfig;
 use super::folder::find_checkpoint;
 use super::summary::Summary;
 use crate::backend::{Backend, RenderOptions};
-use crate::dataset::Capture;
+use crate::capture::Capture;
 use crate::model::{AdamState, Model};
 use crate::train::checkpoint;
 use crate::verify::{CaptureIdentity, PSNR_TEST, bake_checkpoint, cameras_from_strings};

@@ -1,5 +1,5 @@
 //! Writes a sparse model in COLMAP's binary and text layouts (`cameras`, `images`, `points3D`).
-//! `dataset::formats` reads them.
+//! `capture::formats` reads them.
 
 use crate::Result;
 use crate::atomic_file;

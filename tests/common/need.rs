@@ -5,8 +5,8 @@ use litetex_gs::backend::{
     Backend as _, LearningRates, LossWeights, RenderOptions, StepRequest, TargetImage,
 };
 use litetex_gs::camera::{Camera, Similarity};
+use litetex_gs::capture::{Capture, LoadOptions};
 use litetex_gs::constants::SH_0;
-use litetex_gs::dataset::{Capture, LoadOptions};
 use litetex_gs::eval::quality_of;
 use litetex_gs::model::{Filter, Model, SplatArrays, TextureMap, TexturePool};
 use litetex_gs::sample::{SampleOptions, write_sample};

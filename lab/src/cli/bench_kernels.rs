@@ -64,8 +64,8 @@ mod with_gpu {
     use super::{BenchKernelsArgs, Log};
     use litetex_gs::backend::{RenderOptions, StepRequest, TargetImage};
     use litetex_gs::camera::{Camera, RigidTransform};
+    use litetex_gs::capture::{Capture, LoadOptions};
     use litetex_gs::console::{Table, check_free, device};
-    use litetex_gs::dataset::{Capture, LoadOptions};
     use litetex_gs::gpu::GpuBackend;
     use litetex_gs::gpu::bench::{
         CountFigures, Deadline, DeviceFigures, KernelFigures, SortThroughput, StepFigures, measure,

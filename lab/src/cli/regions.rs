@@ -2,8 +2,8 @@
 
 use litetex_gs::backend::RenderedImage;
 use litetex_gs::camera::Pinhole;
+use litetex_gs::capture::{Capture, read_image};
 use litetex_gs::console::{Table, path_text};
-use litetex_gs::dataset::{Capture, read_image};
 use litetex_gs::eval::{ImagePair, RegionError, psnr_from_squares, texels_in_region};
 use litetex_gs::model::Model;
 use litetex_gs::views::ViewSource as _;

@@ -4,11 +4,11 @@
 use super::bytes::read_text;
 use super::ply;
 use crate::camera::{Pinhole, RigidTransform};
-use crate::dataset::folder::CaptureFolder;
-use crate::dataset::lens::{Distortion, Lens, Tilt};
-use crate::dataset::photos::photo_size;
-use crate::dataset::pose_format::{Found, PoseFormat};
-use crate::dataset::source::{Source, SourceView, checked_pose};
+use crate::capture::folder::CaptureFolder;
+use crate::capture::lens::{Distortion, Lens, Tilt};
+use crate::capture::photos::photo_size;
+use crate::capture::pose_format::{Found, PoseFormat};
+use crate::capture::source::{Source, SourceView, checked_pose};
 use crate::text::quoted;
 use crate::views::Split;
 use crate::{Error, Report, Result};

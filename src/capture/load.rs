@@ -1,9 +1,9 @@
 //! The steps from a folder to a [`Capture`]: find the poses, read them, find the photos and masks,
 //! split, and move everything into the local frame.
 
-use super::capture::{Capture, View};
 use super::decode::Recipe;
 use super::folder::{CaptureFolder, PhotoFolder, is_inside};
+use super::loaded::{Capture, View};
 use super::options::{CaptureFormat, LoadOptions};
 use super::photos::{bounded, fit, photo_header, swaps_sides};
 use super::pose_format::Found;

@@ -1,7 +1,7 @@
 //! Training views that share too little with any other to be reconstructed, since nothing ties down what they show; and
 //! captures that have few of them.
 
-use super::capture::View;
+use super::loaded::View;
 use super::source::{Source, first_names};
 use crate::Report;
 use crate::camera::{Camera, Similarity};
@@ -154,8 +154,8 @@ fn shows(camera: &Camera, point: DVec3) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use crate::dataset::fixtures::Scene;
-    use crate::dataset::{Capture, LoadOptions};
+    use crate::capture::fixtures::Scene;
+    use crate::capture::{Capture, LoadOptions};
     use glam::{DMat3, DQuat, DVec3};
 
     /// The message of a warning about a capture of which every `test_every`-th view is held out.

@@ -198,7 +198,7 @@ pub(crate) fn bounded((width, height): (u32, u32), max_resolution: u32) -> (u32,
 mod tests {
     use super::*;
     use crate::camera::Pinhole;
-    use crate::dataset::lens::Distortion;
+    use crate::capture::lens::Distortion;
 
     fn lens(width_px: u32, height_px: u32) -> Lens {
         Lens {

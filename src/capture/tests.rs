@@ -1,4 +1,4 @@
-//! Behaviour of whole captures; damage to their files is in `tests/dataset_damage.rs`.
+//! Behaviour of whole captures; damage to their files is in `tests/capture_damage.rs`.
 
 use super::fixtures::{Scene, write_json};
 use super::*;

@@ -150,8 +150,8 @@ pub(crate) fn unpack(path: &Path) -> Result<Unpacked> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dataset::fixtures::Scene;
-    use crate::dataset::{Capture, LoadOptions};
+    use crate::capture::fixtures::Scene;
+    use crate::capture::{Capture, LoadOptions};
     use crate::views::ViewSource as _;
     use std::io::Write as _;
     use tempfile::tempdir;

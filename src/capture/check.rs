@@ -1,7 +1,7 @@
 //! Checks all photos by decoding them: an error if one cannot be read, warnings about those that decode but are
 //! useless or misleading for training.
 
-use super::capture::{Capture, View};
+use super::loaded::{Capture, View};
 use super::source::{first_names, first_paths};
 use super::store::CheckedPhoto;
 use crate::views::Split;

@@ -2,7 +2,6 @@
 //! space of training. Nothing here knows how training or rendering works.
 
 mod advice;
-mod capture;
 mod check;
 mod decode;
 mod exr_photo;
@@ -16,6 +15,7 @@ mod jpeg_end;
 mod jpeg_frame;
 mod lens;
 mod load;
+mod loaded;
 mod options;
 mod overlap;
 mod photos;
@@ -31,8 +31,8 @@ mod warp;
 mod warp_tests;
 mod zipped;
 
-pub use capture::{Capture, View};
 pub use decode::read_image;
 pub use formats::ply::read_points as read_ply_points;
 pub use health::SparseHealth;
+pub use loaded::{Capture, View};
 pub use options::{CaptureFormat, LoadOptions};

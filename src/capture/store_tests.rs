@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::camera::Pinhole;
-use crate::dataset::lens::{Distortion, Lens};
+use crate::capture::lens::{Distortion, Lens};
 use image::metadata::Orientation;
 use std::path::Path;
 

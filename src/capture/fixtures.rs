@@ -1,4 +1,4 @@
-//! Tiny captures for tests, written in every format from one description. `tests/dataset_damage.rs`
+//! Tiny captures for tests, written in every format from one description. `tests/capture_damage.rs`
 //! includes this file too, so it uses the crate's dependencies only, not the crate.
 
 use glam::{DMat3, DQuat, DVec3};

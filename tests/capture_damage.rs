@@ -3,13 +3,13 @@
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-#[path = "../src/dataset/fixtures.rs"]
+#[path = "../src/capture/fixtures.rs"]
 #[allow(dead_code, reason = "shared with the unit tests, which use all of it")]
 mod fixtures;
 
 use fixtures::{Scene, write_json};
 use litetex_gs::Error;
-use litetex_gs::dataset::{Capture, LoadOptions};
+use litetex_gs::capture::{Capture, LoadOptions};
 use litetex_gs::init::{InitInput, InitOptions, InitPoints, initial_model};
 use litetex_gs::views::ViewSource as _;
 use std::path::Path;

@@ -4,11 +4,11 @@
 
 use super::bytes::read_text;
 use crate::camera::Pinhole;
-use crate::dataset::folder::CaptureFolder;
-use crate::dataset::lens::{Distortion, Lens};
-use crate::dataset::photos::photo_size;
-use crate::dataset::pose_format::{Found, PoseFormat};
-use crate::dataset::source::{Source, SourceView, checked_pose};
+use crate::capture::folder::CaptureFolder;
+use crate::capture::lens::{Distortion, Lens};
+use crate::capture::photos::photo_size;
+use crate::capture::pose_format::{Found, PoseFormat};
+use crate::capture::source::{Source, SourceView, checked_pose};
 use crate::text::quoted;
 use crate::{Error, Report, Result};
 use glam::{DMat3, DVec3};
@@ -186,7 +186,7 @@ fn lens(row: &Row<'_>, (width_px, height_px): (u32, u32)) -> Result<Lens> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dataset::{Capture, LoadOptions};
+    use crate::capture::{Capture, LoadOptions};
     use tempfile::tempdir;
 
     fn load(rows: &str) -> Result<Capture> {

@@ -3,9 +3,9 @@
 use super::colmap_model::{ColmapCamera, ColmapImage, ColmapSparse};
 use super::{colmap_bin, colmap_txt};
 use crate::camera::Pinhole;
-use crate::dataset::lens::{Distortion, Lens, Tilt};
-use crate::dataset::pose_format::{Found, PoseFormat};
-use crate::dataset::source::{Source, SourceView, checked_pose, first_names};
+use crate::capture::lens::{Distortion, Lens, Tilt};
+use crate::capture::pose_format::{Found, PoseFormat};
+use crate::capture::source::{Source, SourceView, checked_pose, first_names};
 use crate::text::quoted;
 use crate::views::SfmPoint;
 use crate::{Error, Report, Result};
