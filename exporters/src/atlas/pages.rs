@@ -2,7 +2,7 @@
 //! bytes of a compressed page may claim many texels that nothing uses.
 
 use super::Atlas;
-use crate::limits::with_room;
+use crate::files::limits::with_room;
 use crate::{AssetMap, Error, Result};
 use std::io::Cursor;
 use std::path::Path;

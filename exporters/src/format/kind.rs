@@ -1,5 +1,6 @@
 //! The formats, their extensions, qualities and the names of their files.
 
+use crate::files::written::mesh_path;
 use crate::{Error, Quality, Result, gltf, quoted, usd};
 use std::path::{Path, PathBuf};
 
@@ -155,9 +156,4 @@ pub fn unknown_kind(path: &Path, expected: &str) -> Error {
         None => "file without an extension".to_owned(),
     };
     Error::unsupported(path, format!("a {found} cannot be used here; expected {expected}"))
-}
-
-/// The sidecar file with the mesh of quads.
-pub(crate) fn mesh_path(path: &Path) -> PathBuf {
-    path.with_extension("mesh.glb")
 }

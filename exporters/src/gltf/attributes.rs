@@ -2,15 +2,16 @@
 
 use super::buffer::{Arrays, Use};
 use super::{KHR, colour, sh_attribute, sh_indices};
-use crate::{SplatAsset, yup};
+use crate::SplatAsset;
+use crate::math::yup;
 use std::collections::BTreeMap;
 
 /// Accessors by the names of their attributes.
-pub type Attributes = BTreeMap<String, u32>;
+pub type AttributeAccessors = BTreeMap<String, u32>;
 
 /// Adds attributes that keep every number; returns them, and the accessor of the exact SH of degree 0 if the attribute
 /// differs.
-pub fn exact(arrays: &mut Arrays, asset: &SplatAsset) -> (Attributes, Option<u32>) {
+pub fn exact(arrays: &mut Arrays, asset: &SplatAsset) -> (AttributeAccessors, Option<u32>) {
     let (mut attributes, baked) = shared(arrays, asset);
     let n = asset.num_splats();
     attributes.insert(format!("{KHR}:ROTATION"), arrays.push(rotations(asset), Use::Attribute));
@@ -32,7 +33,7 @@ pub fn exact(arrays: &mut Arrays, asset: &SplatAsset) -> (Attributes, Option<u32
 
 /// Adds attributes that only viewers without our extension use: of SH degree 0, with rotations of 16 bits and vertex colours
 /// of 8. 52 bytes per splat.
-pub fn small(arrays: &mut Arrays, asset: &SplatAsset) -> Attributes {
+pub fn small(arrays: &mut Arrays, asset: &SplatAsset) -> AttributeAccessors {
     let (mut attributes, baked) = shared(arrays, asset);
     let codes = rotations(asset).map(|q| q.map(|v| (32_767.0 * v).round() as i16));
     attributes.insert(format!("{KHR}:ROTATION"), arrays.push(codes, Use::NormalisedAttribute));
@@ -43,7 +44,7 @@ pub fn small(arrays: &mut Arrays, asset: &SplatAsset) -> Attributes {
 }
 
 /// Adds what both have in common; returns it, and colours of degree 0 with the means of the maps.
-fn shared(arrays: &mut Arrays, asset: &SplatAsset) -> (Attributes, Vec<[f32; 3]>) {
+fn shared(arrays: &mut Arrays, asset: &SplatAsset) -> (AttributeAccessors, Vec<[f32; 3]>) {
     let positions = asset.positions.iter().map(|&p| yup::position(p));
     let scales = asset.scales.iter().map(|&[u, v]| [u, v, yup::thickness(u, v)]);
     let baked: Vec<[f32; 3]> = (0..asset.num_splats()).map(|i| asset.untextured_dc(i)).collect();

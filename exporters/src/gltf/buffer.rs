@@ -18,7 +18,7 @@ pub struct Arrays {
 }
 
 /// A type of number that can be stored.
-pub trait Component: Copy {
+pub trait Number: Copy {
     /// Its `componentType`.
     const KIND: u32;
     /// Appends the bytes of a number, little-endian.
@@ -27,7 +27,7 @@ pub trait Component: Copy {
 
 macro_rules! component {
     ($type:ty, $kind:expr) => {
-        impl Component for $type {
+        impl Number for $type {
             const KIND: u32 = $kind;
             fn push(self, bytes: &mut Vec<u8>) {
                 bytes.extend(self.to_le_bytes());
@@ -76,11 +76,7 @@ impl Arrays {
     }
 
     /// Adds an array as a view with one accessor and returns the accessor's index.
-    pub fn push<T: Component, const N: usize>(
-        &mut self,
-        rows: impl Iterator<Item = [T; N]>,
-        used: Use,
-    ) -> u32 {
+    pub fn push<T: Number, const N: usize>(&mut self, rows: impl Iterator<Item = [T; N]>, used: Use) -> u32 {
         let target = match used {
             Use::Attribute | Use::NormalisedAttribute => Some(TARGET_ATTRIBUTES),
             Use::Other(target) => target,

@@ -3,8 +3,8 @@
 
 use super::document::Node;
 use crate::SplatAsset;
-use crate::meta::nine_digits;
-use crate::shown_cameras::{Cameras, ShownCamera};
+use crate::asset::meta::nine_digits;
+use crate::fallback::shown_cameras::{Cameras, ShownCamera};
 use serde_json::{Value, json};
 
 /// Adds a node for each camera behind `nodes`, and returns the objects `cameras`, of which equal lenses share one.
@@ -39,8 +39,8 @@ pub fn push(asset: &SplatAsset, which: Cameras, nodes: &mut Vec<Node>) -> Vec<Va
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fallback::shown_cameras::tests::with_cameras;
     use crate::gltf::{GltfOptions, decode_glb, encode_glb};
-    use crate::shown_cameras::tests::with_cameras;
     use crate::{Quality, ReadLimits};
     use std::path::Path;
 

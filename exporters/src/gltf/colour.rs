@@ -1,7 +1,7 @@
 //! Colours for viewers without splat support.
 
 use crate::SplatAsset;
-use crate::sh::SH_0;
+use crate::math::sh::SH_0;
 
 /// `COLOR_0` of a splat: linear light of SH degree 0, and opacity.
 pub fn vertex_colour(asset: &SplatAsset, splat: usize, dc: [f32; 3]) -> [u16; 4] {

@@ -2,9 +2,9 @@
 
 use super::KHR;
 use super::stream::Stream;
-use crate::hash::{hash_from_text, text_from_hash};
-use crate::meta::Meta;
-use crate::sidecars::SidecarHashes;
+use crate::asset::hash::{hash_from_text, text_from_hash};
+use crate::asset::meta::Meta;
+use crate::files::sidecars::SidecarHashes;
 use crate::{ColourSpace, Error, Quality, Result, SplatAsset, quoted};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;

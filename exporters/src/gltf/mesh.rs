@@ -5,8 +5,8 @@ use super::buffer::{Arrays, Use};
 use super::document::{Buffer, Document, Image, MIME_PNG, Mesh, Primitive, Scene, TARGET_INDICES, Texture};
 use super::{UNLIT, container, write};
 use crate::atlas::PAGE_SIDE;
-use crate::depth_order::places_far_to_near;
-use crate::quads::{self, QUADS_MAX, Quad, Quads};
+use crate::fallback::depth_order::places_far_to_near;
+use crate::fallback::quads::{self, QUADS_MAX, Quad, Quads};
 use crate::{Error, Result, SplatAsset};
 use std::collections::BTreeMap;
 

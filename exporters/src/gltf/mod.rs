@@ -44,7 +44,7 @@ const UNLIT: &str = "KHR_materials_unlit";
 const QUANTIZATION: &str = "KHR_mesh_quantization";
 
 /// Most bytes of JSON that readers accept: as many as metadata may have, and room for the rest.
-const JSON_BYTES_MAX: usize = crate::meta::META_BYTES_MAX + (1 << 20);
+const JSON_BYTES_MAX: usize = crate::asset::meta::META_BYTES_MAX + (1 << 20);
 
 /// Name of the attribute with coefficient `n`, from 0, of an SH degree.
 fn sh_attribute(degree: u32, n: u32) -> String {

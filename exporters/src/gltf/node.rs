@@ -1,7 +1,8 @@
 //! The transform of the node that shows the splats.
 
 use super::document::{Document, Node};
-use crate::{Error, Result, Transform, quaternion};
+use crate::math::quaternion;
+use crate::{Error, Result, Transform};
 use std::path::Path;
 
 /// Largest relative difference of two scales, or cosine between two axes, that f32 matrices may have.

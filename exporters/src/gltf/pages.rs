@@ -5,7 +5,7 @@ use super::document::{Image, MIME_PNG};
 use super::extension::{Page, TextureExtension};
 use super::loaded::Loaded;
 use crate::atlas::{Atlas, MapRows, PAGE_SIDE_MAX, PageRows, Placement, TexelDecode};
-use crate::limits::{filled, with_room};
+use crate::files::limits::{filled, with_room};
 use crate::{AssetMap, Error, Result, SplatAsset, quoted};
 use std::borrow::Cow;
 

@@ -7,9 +7,10 @@ use super::pages::own_array;
 use super::scene::Found;
 use super::splats::Attributes;
 use super::{EXTENSION, KHR, VERSION, container, node, pages, scene};
-use crate::file::read_file;
+use crate::files::read::read_file;
+use crate::math::yup;
 use crate::{
-    Contents, Describes, Error, Quality, ReadLimits, Result, Section, SplatAsset, Transform, quoted, yup,
+    Contents, Describes, Error, Quality, ReadLimits, Result, Section, SplatAsset, Transform, quoted,
 };
 use std::collections::BTreeMap;
 use std::path::Path;

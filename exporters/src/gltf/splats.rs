@@ -4,8 +4,10 @@ use super::accessor::{Component, View};
 use super::document::Primitive;
 use super::loaded::Loaded;
 use super::{KHR, sh_attribute, sh_indices};
-use crate::limits::{filled, room_for_splats, splat_bytes};
-use crate::{AssetMap, Error, Result, SplatAsset, ellipsoid, yup};
+use crate::fallback::ellipsoid;
+use crate::files::limits::{filled, room_for_splats, splat_bytes};
+use crate::math::yup;
+use crate::{AssetMap, Error, Result, SplatAsset};
 
 /// The attributes of splats.
 pub struct Attributes<'a> {

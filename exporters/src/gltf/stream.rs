@@ -3,7 +3,7 @@
 
 use super::extension::{EXTENSION, TextureExtension, VERSION};
 use super::loaded::Loaded;
-use crate::meta::Meta;
+use crate::asset::meta::Meta;
 use crate::{Contents, Describes, Error, Quality, Result, Section, ltgs, quoted};
 use serde::{Deserialize, Serialize};
 

@@ -12,8 +12,8 @@ use super::loaded::{Loaded, SidecarFiles};
 use super::mesh::is_quad_mesh;
 use super::scene::{self, Found};
 use super::{EXTENSION, KHR, container, read, sh_attribute};
-use crate::contents::Issues;
-use crate::hash::text_from_hash;
+use crate::asset::hash::text_from_hash;
+use crate::format::contents::Issues;
 use crate::{Error, Issue, ReadLimits, Severity, quoted};
 use std::path::Path;
 

@@ -1,6 +1,6 @@
 //! Writes `.glb` and `.gltf` files: splat attributes, atlas pages, the JSON document.
 
-use super::attributes::{self, Attributes};
+use super::attributes::{self, AttributeAccessors};
 use super::buffer::{Arrays, Use};
 use super::document::{
     AssetInfo, Buffer, Document, Image, MIME_PNG, MODE_POINTS, Mesh, Node, Primitive, PrimitiveExtensions,
@@ -9,11 +9,12 @@ use super::document::{
 use super::extension::{Decode, Digest, Page, Splatting, TextureExtension};
 use super::stream::{MIME_LTGS, Stream, embeds_file};
 use super::{EXTENSION, KHR, cameras, container, files};
+use crate::asset::meta::Meta;
 use crate::atlas::{Atlas, PAGE_SIDE, PAGE_SIDE_MAX, TexelDecode, encode_exr, encode_png};
-use crate::meta::Meta;
-use crate::shown_cameras::Cameras;
-use crate::staging::{SidecarFile, Staged};
-use crate::{Error, Quality, ReadLimits, Result, SplatAsset, ltgs, yup};
+use crate::fallback::shown_cameras::Cameras;
+use crate::files::staging::{SidecarFile, Staged};
+use crate::math::yup;
+use crate::{Error, Quality, ReadLimits, Result, SplatAsset, ltgs};
 use std::path::{Path, PathBuf};
 
 /// How to write a glTF file.
@@ -148,7 +149,11 @@ fn streamed(asset: &SplatAsset, options: &GltfOptions<'_>, stem: Option<&str>) -
 }
 
 /// The primitive of splats.
-fn points(asset: &SplatAsset, attributes: Attributes, extension: TextureExtension) -> Result<Primitive> {
+fn points(
+    asset: &SplatAsset,
+    attributes: AttributeAccessors,
+    extension: TextureExtension,
+) -> Result<Primitive> {
     let digest = Digest::of(asset, extension.hash.clone());
     let extension =
         serde_json::to_value(extension).map_err(|e| Error::invalid("", format!("{EXTENSION}: {e}")))?;
@@ -176,7 +181,7 @@ pub fn asset_info(asset: &SplatAsset) -> AssetInfo {
 }
 
 /// What describes the splats of a file.
-type Described = (Attributes, TextureExtension);
+type Described = (AttributeAccessors, TextureExtension);
 
 /// The properties of our extension that describe pages.
 type Pages = (Vec<Page>, Option<Decode>);

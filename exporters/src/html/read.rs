@@ -2,7 +2,7 @@
 
 use super::tags::tags;
 use super::{ASSET_ID, ASSET_TYPE};
-use crate::file::read_file;
+use crate::files::read::read_file;
 use crate::{Contents, Describes, Error, Issue, ReadLimits, Result, Section, Severity, ltgs};
 use base64::prelude::{BASE64_STANDARD, Engine as _};
 use std::path::Path;

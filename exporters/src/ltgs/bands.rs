@@ -42,7 +42,7 @@ pub fn take_degrees<const C: usize>(
 ) -> Result<Vec<u8>> {
     let numbers = take_numbers(block, n, contexts)?;
     if numbers.is_empty() {
-        return crate::limits::filled(n, most as u8);
+        return crate::files::limits::filled(n, most as u8);
     }
     if numbers.len() != n {
         return Err(Error::invalid(

@@ -1,7 +1,7 @@
 //! Validates `.ltgs` files, chunk by chunk and as a whole.
 
 use super::read::Reader;
-use crate::contents::Issues;
+use crate::format::contents::Issues;
 use crate::{Error, Issue, ReadLimits, quoted};
 use std::path::Path;
 

@@ -3,7 +3,7 @@
 use super::contexts::{of_exponent, of_exponent_and};
 use super::integers::{put_numbers, take_exactly, unzigzag, zigzag};
 use super::splats::SplatCodes;
-use crate::limits::filled;
+use crate::files::limits::filled;
 use crate::{Result, num_sh_coefficients};
 
 impl SplatCodes {

@@ -144,7 +144,7 @@ impl Header {
                 format!("header: {} texels, at most 2^32 - 1", self.num_texels),
             ));
         }
-        if self.meta_text_bytes as usize > crate::meta::META_BYTES_MAX {
+        if self.meta_text_bytes as usize > crate::asset::meta::META_BYTES_MAX {
             let what = format!("metadata: {} bytes, at most 16 MiB", self.meta_text_bytes);
             return Err(Error::too_large(path, what));
         }

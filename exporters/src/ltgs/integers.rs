@@ -2,7 +2,7 @@
 
 use super::bits::{put_varint, take_varint};
 use super::numbers::{NumberReader, NumberWriter};
-use crate::limits::with_room;
+use crate::files::limits::with_room;
 use crate::{Error, Result};
 
 /// Bytes that zstd makes of one at most: 128 KiB from a block of 4 bytes.
@@ -141,7 +141,7 @@ pub fn take_or_zeros<const C: usize>(
 ) -> Result<Vec<u32>> {
     match take_numbers(block, n, contexts)? {
         numbers if numbers.len() == n => Ok(numbers),
-        numbers if numbers.is_empty() => crate::limits::filled(n, 0),
+        numbers if numbers.is_empty() => crate::files::limits::filled(n, 0),
         numbers => Err(damaged(&format!("{} numbers, expected {n} or none", numbers.len()))),
     }
 }
@@ -173,7 +173,7 @@ pub fn expand(coded: &[u8], num_bytes: usize) -> Result<Vec<u8>> {
     if num_bytes > coded.len().saturating_mul(ZSTD_EXPANSION) {
         return Err(damaged(&format!("{} bytes cannot hold {num_bytes}", coded.len())));
     }
-    let mut bytes = crate::limits::filled(num_bytes, 0_u8)?;
+    let mut bytes = crate::files::limits::filled(num_bytes, 0_u8)?;
     let mut decompressor = zstd::bulk::Decompressor::new().map_err(|e| damaged(&e.to_string()))?;
     let found = decompressor.decompress_to_buffer(coded, &mut bytes[..]);
     match found.map_err(|e| damaged(&format!("zstd: {e}")))? {

@@ -1,7 +1,7 @@
 //! Layers of a lossy file. The splats that contribute most come first, so that the beginning of a file is a coarser scene.
 
 use super::header::CHUNK_SPLATS;
-use crate::quaternion::turned;
+use crate::math::quaternion::turned;
 use crate::{AssetCamera, SplatAsset, num_sh_coefficients};
 use std::f64::consts::TAU;
 use std::ops::Range;

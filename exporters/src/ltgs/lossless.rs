@@ -5,7 +5,7 @@ use super::bands::{bands, put_degrees, take_degrees};
 use super::integers::{alone, put_bytes, put_numbers, take_bytes, take_exactly, zigzag};
 use super::maps::{put_shifts, take_shifts};
 use super::tally::Tally;
-use crate::limits::filled;
+use crate::files::limits::filled;
 use crate::{AssetMap, Error, Result, SplatAsset, num_sh_coefficients};
 use std::ops::Range;
 

@@ -27,7 +27,7 @@ pub fn take_shifts<const C: usize>(
     n: usize,
     contexts: [impl Fn(usize, &[u32]) -> [u32; C]; 2],
 ) -> Result<Vec<[i16; 2]>> {
-    let mut shifts = crate::limits::filled(n, [0; 2])?;
+    let mut shifts = crate::files::limits::filled(n, [0; 2])?;
     for (axis, contexts) in contexts.into_iter().enumerate() {
         for (shift, number) in shifts.iter_mut().zip(take_or_zeros(block, n, contexts)?) {
             let number = unzigzag(number);

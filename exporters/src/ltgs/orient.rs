@@ -3,7 +3,7 @@
 //! is the longer axis, whose normal has z >= 0, and which is turned around its normal by at most a quarter: three bits less to
 //! store for each splat.
 
-use crate::quaternion::{conjugate, norm, product};
+use crate::math::quaternion::{conjugate, norm, product};
 use crate::{AssetMap, SplatAsset};
 use std::f64::consts::FRAC_1_SQRT_2;
 
@@ -128,7 +128,7 @@ pub fn oriented(asset: &SplatAsset) -> SplatAsset {
 mod tests {
     use super::*;
     use crate::asset::tests::fixture;
-    use crate::quaternion::turned;
+    use crate::math::quaternion::turned;
 
     /// Colours of a splat's texels with their places in the local frame; without a map, the ends of its axes with the
     /// standard deviations. Sorted.

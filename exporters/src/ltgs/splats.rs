@@ -8,8 +8,8 @@ use super::shape::{self, EXPONENT_MAX, Shape, TexelSizeCodes};
 use super::steps::Quantiser;
 use super::tally::Tally;
 use super::texels::Map;
-use crate::limits::filled;
-use crate::sh::SH_0;
+use crate::files::limits::filled;
+use crate::math::sh::SH_0;
 use crate::{AssetMap, Error, MAP_SIDE_MAX, Result, SplatAsset, num_sh_coefficients};
 
 /// The codes of a chunk. Colours of degree 0 contain the means of maps.

@@ -2,8 +2,8 @@
 
 use super::integers::{compress, expand};
 use super::steps::Quantiser;
-use crate::hash::hash_from_text;
-use crate::meta::{META_BYTES_MAX, Meta};
+use crate::asset::hash::hash_from_text;
+use crate::asset::meta::{META_BYTES_MAX, Meta};
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 

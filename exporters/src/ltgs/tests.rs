@@ -1,8 +1,8 @@
 //! Round trips and damaged files.
 
 use super::*;
-use crate::asset::tests::fixture;
-use crate::{AssetCamera, Error, Quality, ReadLimits, SplatAsset};
+use crate::asset::tests::{camera, fixture};
+use crate::{Error, Quality, ReadLimits, SplatAsset};
 use std::path::Path;
 
 mod layers;
@@ -24,16 +24,7 @@ fn options(quality: Quality) -> LtgsOptions<'static> {
 /// The fixture with a camera and awkward numbers.
 fn awkward(num_splats: usize, sh_degree: u32) -> SplatAsset {
     let mut asset = fixture(num_splats, sh_degree);
-    asset.cameras.push(AssetCamera {
-        name: "a.png".to_owned(),
-        held_out: true,
-        width_px: 640,
-        height_px: 480,
-        focal_px: [500.0, 510.0],
-        principal_px: [320.0, 240.0],
-        rotation_rows: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
-        translation: [0.1, -0.2, 2.0],
-    });
+    asset.cameras.push(crate::AssetCamera { translation: [0.1, -0.2, 2.0], ..camera() });
     asset.near = 0.03;
     asset.background = [0.25, 0.5, 1.0];
     asset
@@ -177,7 +168,7 @@ fn errors(asset: &SplatAsset, read: &SplatAsset) -> [f64; 5] {
             worst[1] = worst[1].max(ratio.log2().abs());
         }
         worst[2] = worst[2].max(f64::from(read.opacities[i] / asset.opacities[j]).log2().abs());
-        let normal = |q: [f32; 4]| crate::quaternion::turned(q.map(f64::from), [0.0, 0.0, 1.0]);
+        let normal = |q: [f32; 4]| crate::math::quaternion::turned(q.map(f64::from), [0.0, 0.0, 1.0]);
         let (a, b) = (normal(asset.rotations[j]), normal(read.rotations[i]));
         worst[3] = worst[3].max((0..3).map(|c| (a[c] - b[c]).powi(2)).sum::<f64>().sqrt());
         for (a, b) in asset.texels_of(j).iter().zip(read.texels_of(i)) {

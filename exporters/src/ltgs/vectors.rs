@@ -11,13 +11,13 @@ const LONG: usize = 3000;
 const VARIED: usize = 2000;
 
 /// A stream: numbers, and for each the contexts beyond the first, of which as many are used as the stream has.
-struct Stream {
+struct TestStream {
     name: &'static str,
     numbers: Vec<u32>,
     contexts: [Vec<u32>; 2],
 }
 
-impl Stream {
+impl TestStream {
     fn new(name: &'static str, numbers: Vec<u32>, contexts: impl Fn(u32) -> [u32; 2]) -> Self {
         let all: Vec<[u32; 2]> = (0..numbers.len() as u32).map(contexts).collect();
         let contexts = [0, 1].map(|k| all.iter().map(|own| own[k]).collect());
@@ -78,11 +78,11 @@ pub fn coder_vectors() -> String {
     let large =
         vec![u32::MAX, 0, 1 << 31, (1 << 31) - 1, u32::MAX - 1, 1, 65_535, 65_536, u32::MAX, u32::MAX];
     let streams = [
-        Stream::new("empty", Vec::new(), |_| [0; 2]),
-        Stream::new("specification", small, |i| [i % 2, 7]),
-        Stream::new("32 bits", large, |i| [i / 3, 500 - i]),
-        Stream::new("zeros", vec![0; 40], |_| [0; 2]),
-        Stream::new("generated", generated(), |i| [i % 7, i % 3]),
+        TestStream::new("empty", Vec::new(), |_| [0; 2]),
+        TestStream::new("specification", small, |i| [i % 2, 7]),
+        TestStream::new("32 bits", large, |i| [i / 3, 500 - i]),
+        TestStream::new("zeros", vec![0; 40], |_| [0; 2]),
+        TestStream::new("generated", generated(), |i| [i % 7, i % 3]),
     ];
     let entries: Vec<Value> = streams.iter().flat_map(|s| (0..3).map(|beyond| s.entry(beyond))).collect();
     let odds = -LOG_ODDS_MAX..=LOG_ODDS_MAX;
@@ -108,7 +108,7 @@ mod tests {
         // Not `assert_eq`, which would print all of it.
         assert!(committed == coder_vectors(), "samples/conformance/coder.json: make the pack anew");
         // Negative control: other numbers, other bytes.
-        let stream = |numbers| Stream::new("a", numbers, |i| [i, 0]);
+        let stream = |numbers| TestStream::new("a", numbers, |i| [i, 0]);
         assert_ne!(stream(vec![1, 2, 3]).coded(1), stream(vec![1, 2, 4]).coded(1));
     }
 

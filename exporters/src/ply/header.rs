@@ -5,7 +5,7 @@ use crate::{Error, Result, quoted};
 use std::path::Path;
 
 /// Longest header: as many bytes as metadata may have, which ours hold in comments, and room for the rest.
-const HEADER_BYTES_MAX: usize = crate::meta::META_BYTES_MAX + (1 << 20);
+const HEADER_BYTES_MAX: usize = crate::asset::meta::META_BYTES_MAX + (1 << 20);
 
 /// Most comments; each camera has one.
 const COMMENTS_MAX: usize = 1 << 20;

@@ -5,9 +5,9 @@ use super::escape::unescaped;
 use super::header::Element;
 use super::rows::Rows;
 use super::{COMMENT_OURS, PlyUp};
-use crate::ellipsoid::{is_thick, thinnest_last};
-use crate::file::read_file;
-use crate::limits::{room_for_splats, splat_bytes};
+use crate::fallback::ellipsoid::{is_thick, thinnest_last};
+use crate::files::limits::{room_for_splats, splat_bytes};
+use crate::files::read::read_file;
 use crate::{AssetMap, Error, ReadLimits, Result, Section, SplatAsset, num_sh_coefficients};
 use std::path::Path;
 

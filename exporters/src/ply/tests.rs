@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::asset::tests::fixture;
-use crate::sh::SH_0;
+use crate::math::sh::SH_0;
 use crate::{Error, ReadLimits, SplatAsset, Transform};
 use std::path::Path;
 

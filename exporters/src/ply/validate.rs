@@ -3,8 +3,8 @@
 use super::COMMENT_2DGS;
 use super::read::Columns;
 use super::rows::Rows;
-use crate::ellipsoid::{is_thick, thinnest_last};
-use crate::plain::{Check, Raw, unreadable};
+use crate::fallback::ellipsoid::{is_thick, thinnest_last};
+use crate::fallback::plain::{Check, Raw, unreadable};
 use crate::{Issue, Result, Severity};
 use std::path::Path;
 

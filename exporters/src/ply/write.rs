@@ -2,8 +2,9 @@
 
 use super::escape::escaped;
 use super::{COMMENT_2DGS, world_comment};
-use crate::baked::{Baked, Baker};
-use crate::{Error, Result, SplatAsset, Transform, atomic_file, num_sh_coefficients};
+use crate::fallback::baked::{Baked, Baker};
+use crate::files::atomic_file;
+use crate::{Error, Result, SplatAsset, Transform, num_sh_coefficients};
 use std::path::Path;
 
 /// The layout of a PLY file.

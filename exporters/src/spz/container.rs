@@ -1,7 +1,7 @@
 //! What the containers of all versions hold, and the checks that they share.
 
 use super::{MAGIC, NUM_STREAMS, gzip, zstd_streams};
-use crate::limits::splat_bytes;
+use crate::files::limits::splat_bytes;
 use crate::{Error, ReadLimits, Result, SPLATS_MAX, num_sh_coefficients};
 use std::path::Path;
 

@@ -2,7 +2,7 @@
 
 use super::NAMES;
 use super::container::{Container, HEADER_BYTES, Header, Stream};
-use crate::limits::filled;
+use crate::files::limits::filled;
 use crate::{Error, ReadLimits, Result};
 use flate2::bufread::GzDecoder;
 use flate2::{Compression, GzBuilder};

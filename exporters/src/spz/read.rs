@@ -2,13 +2,12 @@
 
 use super::container::{Container, Header, Stream, unpack};
 use super::{ANTIALIASED, NAMES, float16, rotation};
-use crate::file::read_file;
-use crate::limits::room_for_splats;
-use crate::meta::{META_BYTES_MAX, Meta};
-use crate::yup;
-use crate::{
-    AssetMap, Contents, Describes, Error, Filter, ReadLimits, Result, Section, SplatAsset, ellipsoid, text,
-};
+use crate::asset::meta::{META_BYTES_MAX, Meta};
+use crate::fallback::ellipsoid;
+use crate::files::limits::room_for_splats;
+use crate::files::read::read_file;
+use crate::math::yup;
+use crate::{AssetMap, Contents, Describes, Error, Filter, ReadLimits, Result, Section, SplatAsset, text};
 use std::path::Path;
 
 /// Reads a file. See [`decode_spz`].

@@ -1,8 +1,8 @@
 //! Writer and reader against each other and against damage.
 
 use super::*;
-use crate::asset::tests::fixture;
-use crate::baked::Baker;
+use crate::asset::tests::{camera, fixture};
+use crate::fallback::baked::Baker;
 use crate::{Contents, Error, Filter, Provenance, ReadLimits, SplatAsset};
 use std::path::Path;
 
@@ -91,7 +91,7 @@ fn older(asset: &SplatAsset, version: u8) -> Vec<u8> {
         .rotations
         .iter()
         .flat_map(|&q| {
-            let [w, x, y, z] = crate::yup::rotation(q);
+            let [w, x, y, z] = crate::math::yup::rotation(q);
             let sign = if w < 0.0 { -1.0 } else { 1.0 };
             [x, y, z].map(|v| (sign * v * 127.5 + 127.5).round() as u8)
         })
@@ -252,16 +252,7 @@ fn decompression_bombs_are_refused() {
 fn cameras_round_trip_in_the_capture_frame() {
     let mut asset = fixture(10, 0);
     asset.near = 0.04;
-    asset.cameras.push(crate::AssetCamera {
-        name: "a".into(),
-        held_out: true,
-        width_px: 40,
-        height_px: 30,
-        focal_px: [35.0, 36.0],
-        principal_px: [20.0, 15.0],
-        rotation_rows: [[1.0, 0.0, 0.0], [0.0, 0.6, -0.8], [0.0, 0.8, 0.6]],
-        translation: [0.1, 0.2, 4.0],
-    });
+    asset.cameras.push(crate::AssetCamera { translation: [0.1, 0.2, 4.0], ..camera() });
     let read = decode(&encode(&asset, SpzVersion::V3).unwrap().0).unwrap().asset;
     assert_eq!(read.cameras.len(), 1);
     let back = read.cameras[0].in_frame(&asset.capture_from_local.inverse().after(&read.capture_from_local));

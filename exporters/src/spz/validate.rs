@@ -1,7 +1,7 @@
 //! Checks SPZ files for problems. The rules are those of `plain.rs`.
 
 use super::read::decode_spz;
-use crate::plain::{Check, Raw, unreadable};
+use crate::fallback::plain::{Check, Raw, unreadable};
 use crate::{Issue, ReadLimits, Severity};
 use std::path::Path;
 

@@ -1,10 +1,12 @@
 //! Writes SPZ versions 3 and 4.
 
 use super::{ANTIALIASED, COLOUR_SCALE, MAGIC, ShBits, SpzOptions, SpzVersion, gzip, rotation, zstd_streams};
-use crate::baked::{Baked, Baker};
-use crate::meta::Meta;
-use crate::sh::Turn;
-use crate::{Error, Filter, Result, SplatAsset, atomic_file, yup};
+use crate::asset::meta::Meta;
+use crate::fallback::baked::{Baked, Baker};
+use crate::files::atomic_file;
+use crate::math::sh::Turn;
+use crate::math::yup;
+use crate::{Error, Filter, Result, SplatAsset};
 use std::path::Path;
 
 /// Fractional bits of positions that other programs accept.

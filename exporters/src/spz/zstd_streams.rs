@@ -2,7 +2,7 @@
 
 use super::container::{Container, Header, Stream};
 use super::{NAMES, NUM_STREAMS};
-use crate::limits::with_room;
+use crate::files::limits::with_room;
 use crate::{Error, ReadLimits, Result};
 use std::path::Path;
 
@@ -103,7 +103,7 @@ fn own_record(bytes: &[u8], toc: usize) -> Option<Vec<u8>> {
     while at.checked_add(8)? <= toc.min(bytes.len()) {
         let (kind, length) = (word(bytes, at)?, word(bytes, at + 4)? as usize);
         let value = bytes.get(at + 8..(at + 8).checked_add(length)?)?;
-        if kind == META_RECORD && length <= crate::meta::META_BYTES_MAX {
+        if kind == META_RECORD && length <= crate::asset::meta::META_BYTES_MAX {
             return Some(value.to_vec());
         }
         at = (at + 8).checked_add(length)?;

@@ -5,7 +5,7 @@ use super::names::{CAMERAS, MAIN_CAMERA, PHOTO};
 use super::stage::doubles;
 use super::value::{Form, Numbers, Value};
 use crate::SplatAsset;
-use crate::shown_cameras::{Cameras, ShownCamera};
+use crate::fallback::shown_cameras::{Cameras, ShownCamera};
 
 /// Width of the film, tenths of a unit; only ratios count.
 const APERTURE: f64 = 36.0;
@@ -50,7 +50,7 @@ fn camera(index: usize, shown: &ShownCamera) -> Prim {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::shown_cameras::tests::with_cameras;
+    use crate::fallback::shown_cameras::tests::with_cameras;
     use crate::usd::{UsdOptions, read_usd, write_usd};
     use crate::{ReadLimits, SplatAsset};
 

@@ -5,10 +5,12 @@ use super::layer::Prim;
 use super::names::*;
 use super::read::Opened;
 use super::value::Form;
-use crate::contents::Issues;
-use crate::fallback::{wrong_dc, wrong_thickness};
-use crate::limits::room_for_splats;
-use crate::{Error, ReadLimits, Result, SplatAsset, ellipsoid, num_sh_coefficients, yup};
+use crate::fallback::check::{wrong_dc, wrong_thickness};
+use crate::fallback::ellipsoid;
+use crate::files::limits::room_for_splats;
+use crate::format::contents::Issues;
+use crate::math::yup;
+use crate::{Error, ReadLimits, Result, SplatAsset, num_sh_coefficients};
 use std::path::Path;
 
 /// Reads what a program that supports only `ParticleField3DGaussianSplat` shows of a file: its ellipsoids as discs along

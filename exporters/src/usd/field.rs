@@ -4,8 +4,9 @@ use super::layer::Prim;
 use super::names::*;
 use super::value::{Form, Numbers, Value};
 use crate::atlas::{Atlas, PAGE_SIDE_MAX, Placement, TexelDecode};
-use crate::limits::{splat_bytes, with_room};
-use crate::{AssetMap, Error, ReadLimits, Result, SPLATS_MAX, SplatAsset, num_sh_coefficients, yup};
+use crate::files::limits::{splat_bytes, with_room};
+use crate::math::yup;
+use crate::{AssetMap, Error, ReadLimits, Result, SPLATS_MAX, SplatAsset, num_sh_coefficients};
 use std::path::Path;
 
 /// Most pages of a file.
@@ -109,7 +110,7 @@ impl Field<'_> {
     /// SH degrees of `n` splats, at most `most`.
     fn sh_degrees(&self, n: usize, most: u32) -> Result<Vec<u8>> {
         if self.prim.value(OWN_SH_DEGREE).is_none() {
-            return crate::limits::filled(n, most as u8).map_err(|e| e.at(self.path));
+            return crate::files::limits::filled(n, most as u8).map_err(|e| e.at(self.path));
         }
         let degrees = self.ints(OWN_SH_DEGREE, Form::One, n)?.iter().map(|&degree| u8::try_from(degree));
         let what = |_| Error::invalid(self.path, format!("{OWN_SH_DEGREE}: not all are 0 to {most}"));

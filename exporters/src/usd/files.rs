@@ -7,10 +7,10 @@ use super::package::{Entry, package_from_entries};
 use super::stage::{self, Images};
 use super::text_write::text_from_layer;
 use crate::atlas::{self, Atlas, PAGE_SIDE, PAGE_SIDE_MAX, TexelDecode};
-use crate::quads::{self, QUADS_MAX, Quads};
-use crate::shown_cameras::Cameras;
-use crate::sidecars::SidecarHashes;
-use crate::staging::{SidecarFile, Staged};
+use crate::fallback::quads::{self, QUADS_MAX, Quads};
+use crate::fallback::shown_cameras::Cameras;
+use crate::files::sidecars::SidecarHashes;
+use crate::files::staging::{SidecarFile, Staged};
 use crate::{Error, Quality, Result, SplatAsset};
 use std::path::{Path, PathBuf};
 

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::str::FromStr;
 
 /// Longest text in quotation marks: the metadata.
-const STRING_BYTES_MAX: usize = crate::meta::META_BYTES_MAX;
+const STRING_BYTES_MAX: usize = crate::asset::meta::META_BYTES_MAX;
 
 /// A position in a text, and how much memory its contents may still take.
 pub(super) struct Lexer<'a> {

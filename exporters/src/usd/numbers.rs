@@ -1,7 +1,8 @@
 //! The arrays of an asset as a stage holds them, with y up.
 
 use super::value::{Form, Numbers, Value};
-use crate::{SplatAsset, num_sh_coefficients, quaternion, yup};
+use crate::math::{quaternion, yup};
+use crate::{SplatAsset, num_sh_coefficients};
 
 /// Standard deviations that extents cover: those at which a splat of opacity 1 fades out, `sqrt(2 ln 255)`.
 const REACH_MAX: f64 = 3.33;

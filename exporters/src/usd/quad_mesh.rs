@@ -6,8 +6,8 @@ use super::numbers::{floats, ints};
 use super::stage::{material, shader, texture};
 use super::value::{Form, Numbers, Value};
 use crate::SplatAsset;
-use crate::depth_order::{faces_cameras, places_far_to_near};
-use crate::quads::{Quad, Quads};
+use crate::fallback::depth_order::{faces_cameras, places_far_to_near};
+use crate::fallback::quads::{Quad, Quads};
 
 /// Name of the material of a page of rectangles.
 fn quad_page(page: usize) -> String {

@@ -5,12 +5,13 @@ use super::names::*;
 use super::numbers::{self, floats, ints};
 use super::quad_mesh;
 use super::value::{Form, Numbers, Value};
+use crate::asset::hash::text_from_hash;
+use crate::asset::meta::Meta;
 use crate::atlas::{Atlas, TexelDecode};
-use crate::hash::text_from_hash;
-use crate::meta::Meta;
-use crate::quads::Quads;
-use crate::sidecars::SidecarHashes;
-use crate::{Error, Quality, Result, SplatAsset, yup};
+use crate::fallback::quads::Quads;
+use crate::files::sidecars::SidecarHashes;
+use crate::math::yup;
+use crate::{Error, Quality, Result, SplatAsset};
 
 /// The images of a stage, by their asset paths.
 pub(super) struct Images<'a> {
@@ -60,8 +61,9 @@ fn custom_data(asset: &SplatAsset, quality: Quality, hash: u64, sidecars: &Sidec
     let meta = serde_json::to_string(&Meta::of(asset)).map_err(failed)?;
     let sidecars =
         (!sidecars.is_empty()).then(|| serde_json::to_string(sidecars)).transpose().map_err(failed)?;
-    if meta.len() > crate::meta::META_BYTES_MAX {
-        let what = format!("metadata of {} bytes, at most {}", meta.len(), crate::meta::META_BYTES_MAX);
+    if meta.len() > crate::asset::meta::META_BYTES_MAX {
+        let what =
+            format!("metadata of {} bytes, at most {}", meta.len(), crate::asset::meta::META_BYTES_MAX);
         return Err(Error::too_large("", what));
     }
     let facts = &asset.provenance;

@@ -9,7 +9,7 @@ pub(super) const MAGIC: &str = "#usda 1.0";
 
 /// The text of a layer.
 pub(super) fn text_from_layer(layer: &Layer) -> String {
-    let mut writer = Writer { text: format!("{MAGIC}\n("), depth: 0 };
+    let mut writer = TextWriter { text: format!("{MAGIC}\n("), depth: 0 };
     writer.metadata(&layer.metadata);
     writer.line(")");
     for prim in &layer.root_prims {
@@ -20,12 +20,12 @@ pub(super) fn text_from_layer(layer: &Layer) -> String {
     writer.text
 }
 
-struct Writer {
+struct TextWriter {
     text: String,
     depth: usize,
 }
 
-impl Writer {
+impl TextWriter {
     /// Begins a line.
     fn indent(&mut self) {
         self.text.push('\n');

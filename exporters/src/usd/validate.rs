@@ -26,8 +26,9 @@ use super::names::*;
 use super::numbers::half_sides;
 use super::read::{Opened, PAGE_PLACE};
 use super::value::{Form, Numbers, Value};
-use crate::contents::Issues;
-use crate::{Error, Issue, ReadLimits, num_sh_coefficients, quaternion, quoted};
+use crate::format::contents::Issues;
+use crate::math::quaternion;
+use crate::{Error, Issue, ReadLimits, num_sh_coefficients, quoted};
 use std::collections::BTreeSet;
 use std::path::Path;
 

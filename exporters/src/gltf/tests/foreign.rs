@@ -1,8 +1,9 @@
 //! Files that other programs have rewritten or made.
 
 use super::*;
+use crate::Error;
 use crate::gltf::{encode_glb, validate};
-use crate::{Error, quaternion, yup};
+use crate::math::{quaternion, yup};
 use serde_json::json;
 
 /// A file as tools rewrite it: one interleaved view for all attributes, the other arrays behind it in reverse order,

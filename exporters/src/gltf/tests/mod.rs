@@ -9,8 +9,8 @@ mod schema;
 mod stream;
 
 use super::{GltfOptions, decode_glb};
+use crate::asset::meta::Meta;
 use crate::asset::tests::fixture;
-use crate::meta::Meta;
 use crate::{AssetCamera, Contents, Quality, ReadLimits, SplatAsset, Transform};
 use serde_json::Value;
 use std::path::Path;

@@ -1,8 +1,9 @@
 //! The quads reproduce colour, falloff and position of their splats.
 
 use super::*;
+use crate::AssetMap;
 use crate::gltf::{MeshOptions, encode_mesh};
-use crate::{AssetMap, quaternion, yup};
+use crate::math::{quaternion, yup};
 
 fn mesh(asset: &SplatAsset, options: &MeshOptions) -> (Value, Vec<u8>, crate::gltf::MeshSummary) {
     let (bytes, summary) = encode_mesh(asset, options).unwrap();

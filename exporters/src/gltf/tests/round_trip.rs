@@ -1,8 +1,9 @@
 //! Files read back as they were written.
 
 use super::*;
+use crate::Error;
 use crate::gltf::{encode_glb, read_gltf, write_gltf};
-use crate::{Error, yup};
+use crate::math::yup;
 
 #[test]
 fn lossless_keeps_every_bit() {

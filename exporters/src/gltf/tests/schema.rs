@@ -2,8 +2,9 @@
 //! and the JSON schema covers everything that is written.
 
 use super::*;
+use crate::AssetMap;
 use crate::gltf::encode_glb;
-use crate::{AssetMap, yup};
+use crate::math::yup;
 
 const SPECIFICATION: &str = include_str!("../../../schema/gltf.md");
 const SCHEMA: &str = include_str!("../../../schema/LITETEX_gaussian_splatting_texture.schema.json");
@@ -72,7 +73,7 @@ fn drawn(file: &File) -> Vec<(&'static str, Vec<f64>)> {
     let centre: Vector = file.floats(&attributes["POSITION"]).try_into().unwrap();
     let flip = |v: Vector| [v[0], -v[1], -v[2]];
     let q: Vec<f64> = khr("ROTATION");
-    let axis = |e| flip(crate::quaternion::turned([q[3], q[0], q[1], q[2]], e));
+    let axis = |e| flip(crate::math::quaternion::turned([q[3], q[0], q[1], q[2]], e));
     let (p, [e_u, e_v, n]) = (flip(centre), [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(axis));
     let (focal, [cx, cy], pixel) = (100.0, [32.0, 24.0], [42.5, 31.5]);
 
@@ -212,7 +213,7 @@ fn constants_of_the_specification_match_the_code() {
         z * (xx - yy),
         x * (xx - 3.0 * yy),
     ];
-    for (k, expected) in crate::sh::basis(direction).into_iter().enumerate() {
+    for (k, expected) in crate::math::sh::basis(direction).into_iter().enumerate() {
         let row = SPECIFICATION.lines().find(|l| l.starts_with(&format!("| {k} | `"))).unwrap();
         let constant: f64 =
             row.split('|').nth(3).unwrap().split_whitespace().next().unwrap().parse().unwrap();

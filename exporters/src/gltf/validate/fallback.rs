@@ -1,13 +1,14 @@
 //! Rules about what viewers without our extension see: colours with the maps' means, thin discs, coloured points.
 
-use crate::contents::Issues;
-use crate::fallback::{wrong_dc, wrong_thickness};
+use crate::SplatAsset;
+use crate::fallback::check::{wrong_dc, wrong_thickness};
+use crate::format::contents::Issues;
 use crate::gltf::accessor::{Component, View};
 use crate::gltf::extension::TextureExtension;
 use crate::gltf::loaded::Loaded;
 use crate::gltf::scene::Found;
 use crate::gltf::{KHR, colour, sh_attribute, splats};
-use crate::{SplatAsset, yup};
+use crate::math::yup;
 
 /// Most that a number of a rotation may be off.
 const ROTATION_STEP: f32 = 1.0 / 32_767.0;

@@ -1,11 +1,11 @@
 //! Rules of `KHR_gaussian_splatting` about the numbers of splats.
 
-use crate::contents::Issues;
+use crate::format::contents::Issues;
 use crate::gltf::accessor::View;
 use crate::gltf::loaded::Loaded;
 use crate::gltf::scene::Found;
 use crate::gltf::{KHR, sh_attribute, splats};
-use crate::quaternion;
+use crate::math::quaternion;
 
 /// How far the norm of a quaternion of floats may be from 1.
 const UNIT_TOLERANCE: f64 = 1e-5;

@@ -1,7 +1,7 @@
 //! Rules about our extension: its properties, rectangles and pages.
 
 use crate::atlas::Atlas;
-use crate::contents::Issues;
+use crate::format::contents::Issues;
 use crate::gltf::accessor::Component;
 use crate::gltf::extension::TextureExtension;
 use crate::gltf::loaded::Loaded;

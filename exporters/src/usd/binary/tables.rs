@@ -4,7 +4,7 @@ use super::{END_OF_SET, Rep, codec};
 use std::collections::HashMap;
 
 /// A path with its children.
-struct PathNode {
+struct PathEntry {
     /// Token of its last element.
     token: u32,
     is_property: bool,
@@ -22,7 +22,7 @@ pub(super) struct Tables {
     field_by_content: HashMap<(u32, Rep), u32>,
     field_sets: Vec<u32>,
     set_by_fields: HashMap<Vec<u32>, u32>,
-    paths: Vec<PathNode>,
+    paths: Vec<PathEntry>,
     path_by_element: HashMap<(u32, u32, bool), u32>,
     /// Path, set of fields, kind.
     specs: Vec<[u32; 3]>,
@@ -35,7 +35,7 @@ impl Tables {
         // Negative tokens mark properties, so that none may have token 0.
         tables.token(";-)");
         let token = tables.token("/");
-        tables.paths.push(PathNode { token, is_property: false, children: Vec::new() });
+        tables.paths.push(PathEntry { token, is_property: false, children: Vec::new() });
         tables
     }
 
@@ -71,7 +71,7 @@ impl Tables {
         let next = self.paths.len() as u32;
         let path = *self.path_by_element.entry((parent, token, is_property)).or_insert(next);
         if path == next {
-            self.paths.push(PathNode { token, is_property, children: Vec::new() });
+            self.paths.push(PathEntry { token, is_property, children: Vec::new() });
             self.paths[parent as usize].children.push(path);
         }
         path

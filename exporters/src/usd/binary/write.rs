@@ -16,7 +16,7 @@ const ALIGNMENT: usize = 16;
 /// Encodes a layer.
 pub(in crate::usd) fn binary_from_layer(layer: &Layer) -> Vec<u8> {
     let mut writer =
-        Writer { out: vec![0; HEADER_BYTES], tables: Tables::new(), value_by_content: HashMap::new() };
+        BinaryWriter { out: vec![0; HEADER_BYTES], tables: Tables::new(), value_by_content: HashMap::new() };
     let mut fields = writer.metadata_fields(&layer.metadata);
     fields.extend(writer.children_field("primChildren", layer.root_prims.iter().map(|p| p.name.as_str())));
     writer.tables.spec(0, fields, spec::PSEUDO_ROOT);
@@ -27,14 +27,14 @@ pub(in crate::usd) fn binary_from_layer(layer: &Layer) -> Vec<u8> {
     writer.finish()
 }
 
-struct Writer {
+struct BinaryWriter {
     out: Vec<u8>,
     tables: Tables,
     /// Positions of values by type, flags and digest, so that equal ones are stored once.
     value_by_content: HashMap<(u8, u64, u128), u64>,
 }
 
-impl Writer {
+impl BinaryWriter {
     fn prim(&mut self, path: u32, prim: &Prim) {
         let mut fields = vec![self.specifier(specifier::DEF)];
         if !prim.type_name.is_empty() {

@@ -8,9 +8,9 @@ use super::read::Opened;
 use super::text_read::layer_from_text;
 use super::text_write::text_from_layer;
 use super::*;
-use crate::asset::tests::fixture;
+use crate::asset::tests::{camera, fixture};
 use crate::atlas::TexelDecode;
-use crate::{AssetCamera, Contents, Error, Quality, ReadLimits, Result, Severity, SplatAsset, Transform};
+use crate::{Contents, Error, Quality, ReadLimits, Result, Severity, SplatAsset, Transform};
 use std::path::{Path, PathBuf};
 
 const EXTENSIONS: [&str; 3] = ["usda", "usdc", "usdz"];
@@ -25,16 +25,7 @@ fn full(num_splats: usize, sh_degree: u32) -> SplatAsset {
     asset.texels[0] = -0.0;
     asset.provenance.title = "A \"title\" \\ with\nlines, \u{1}, ü and 木".into();
     asset.provenance.training.insert("steps".into(), "7000".into());
-    asset.cameras.push(AssetCamera {
-        name: "frame 1.png".into(),
-        held_out: true,
-        width_px: 640,
-        height_px: 480,
-        focal_px: [500.5, 501.25],
-        principal_px: [320.0, 240.5],
-        rotation_rows: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
-        translation: [0.1, 0.2, 1.0 / 3.0],
-    });
+    asset.cameras.push(camera());
     asset
 }
 

@@ -1,7 +1,7 @@
 //! Hashes of sidecar files. The file that refers to them holds them, so that readers notice when files of two exports are
 //! mixed: sidecar files keep their names from one export to the next, and a process can be killed between two of them.
 
-use crate::hash::text_from_hash;
+use crate::asset::hash::text_from_hash;
 use crate::{Error, Result, quoted, text};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

@@ -2,7 +2,8 @@
 //! Conversion only flips signs and reorders components, so nothing is rounded. The half turn is its own inverse, up to the
 //! sign of quaternions.
 
-use crate::{Transform, quaternion};
+use crate::Transform;
+use crate::math::quaternion;
 
 /// Half a turn about x, wxyz.
 const HALF_TURN: [f64; 4] = [0.0, 1.0, 0.0, 0.0];
@@ -67,7 +68,7 @@ fn flipped(q: [f64; 4]) -> [f64; 4] {
 mod tests {
     use super::*;
     use crate::asset::tests::fixture;
-    use crate::sh::Turn;
+    use crate::math::sh::Turn;
 
     #[test]
     fn a_half_turn_flips_signs_and_is_undone_exactly() {

@@ -1,6 +1,6 @@
 //! An order of splats for viewers that do not sort: far to near, as the cameras of the capture see them on average.
 
-use crate::quads::Quad;
+use crate::fallback::quads::Quad;
 use crate::{AssetCamera, SplatAsset};
 
 /// Sorts splats (indices) by their mean depth over the training cameras, the farthest first. Cameras that have a splat in

@@ -1,7 +1,8 @@
 //! Edits of an asset before it is written: cropping, pruning, up direction, scale.
 
-use crate::sh::Turn;
-use crate::{AssetCamera, AssetMap, SplatAsset, Transform, num_sh_coefficients, quaternion};
+use crate::math::quaternion;
+use crate::math::sh::Turn;
+use crate::{AssetCamera, AssetMap, SplatAsset, Transform, num_sh_coefficients};
 
 impl SplatAsset {
     /// Keeps the splats whose entry in `keep` is true, in their order, and returns how many were removed. `keep`: `[n]`
@@ -108,7 +109,7 @@ impl AssetCamera {
 #[cfg(test)]
 mod tests {
     use crate::Transform;
-    use crate::asset::tests::fixture;
+    use crate::asset::tests::{camera, fixture};
 
     #[test]
     fn kept_splats_keep_their_maps_and_coefficients() {
@@ -160,16 +161,7 @@ mod tests {
     fn changing_the_frame_keeps_camera_projections() {
         let mut asset = fixture(8, 0);
         asset.set_up([0.3, -1.0, 0.2]);
-        asset.cameras.push(crate::AssetCamera {
-            name: "a".into(),
-            held_out: false,
-            width_px: 40,
-            height_px: 30,
-            focal_px: [35.0, 36.0],
-            principal_px: [20.0, 15.0],
-            rotation_rows: [[1.0, 0.0, 0.0], [0.0, 0.6, -0.8], [0.0, 0.8, 0.6]],
-            translation: [0.1, 0.2, 4.0],
-        });
+        asset.cameras.push(crate::AssetCamera { translation: [0.1, 0.2, 4.0], ..camera() });
         let pixels = |asset: &crate::SplatAsset| -> Vec<f64> {
             let camera = &asset.cameras[0];
             let seen = |p: &[f32; 3]| -> [f64; 2] {

@@ -1,6 +1,5 @@
 //! What writing an asset leaves.
 
-use crate::format::kind::mesh_path;
 use std::path::{Path, PathBuf};
 
 /// The files that an asset was written to.
@@ -25,6 +24,11 @@ impl Written {
         let mesh = self.files.first().map(|root| mesh_path(root));
         self.each().filter(|(file, _)| Some(*file) != mesh.as_deref()).map(|(_, bytes)| bytes).sum()
     }
+}
+
+/// The sidecar file with the mesh of quads.
+pub(crate) fn mesh_path(path: &Path) -> PathBuf {
+    path.with_extension("mesh.glb")
 }
 
 #[cfg(test)]

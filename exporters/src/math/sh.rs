@@ -1,6 +1,6 @@
 //! Spherical harmonics with the signs and the order of 3DGS, and their rotation with the scene.
 
-use crate::quaternion;
+use crate::math::quaternion;
 
 /// Y_00, the constant of degree 0.
 pub const SH_0: f64 = 0.282_094_791_773_878_14;

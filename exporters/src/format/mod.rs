@@ -1,14 +1,18 @@
 //! Dispatches reading and writing by the extension of a file.
 
-pub(crate) mod kind;
+pub mod contents;
+pub mod kind;
+pub mod quality;
+pub mod sniff;
 
-use self::kind::{Format, mesh_path};
+use self::kind::Format;
 use crate::atlas::PAGE_SIDE;
-use crate::file::read_file;
-use crate::staging::SidecarFile;
+use crate::files::read::read_file;
+use crate::files::staging::SidecarFile;
+use crate::files::written::mesh_path;
 use crate::{
     Cameras, Contents, Error, Issue, Quality, ReadLimits, Result, Severity, SplatAsset, Staged, Written,
-    gltf, html, ltgs, ply, sniff, spz, usd,
+    gltf, html, ltgs, ply, spz, usd,
 };
 use std::path::Path;
 

@@ -2,8 +2,9 @@
 //! dependence on the view: base colour plus map, clamped, with the Gaussian as alpha.
 
 use crate::atlas::{self, Placement};
-use crate::sh::SH_0;
-use crate::{AssetMap, Error, Result, SplatAsset, quaternion, yup};
+use crate::math::sh::SH_0;
+use crate::math::{quaternion, yup};
+use crate::{AssetMap, Error, Result, SplatAsset};
 
 /// Most rectangles by default: programs that sort them take time for each.
 pub(crate) const QUADS_MAX: usize = 50_000;
@@ -52,7 +53,7 @@ pub(crate) struct Quads {
 }
 
 /// How far a splat's rectangle reaches, and how fine its map is.
-struct Baked {
+struct Rectangle {
     splat: usize,
     /// Half sides along u and v, local units.
     half: [f64; 2],
@@ -67,8 +68,9 @@ impl Quads {
     /// # Errors
     /// [`Error::TooLarge`] if pages are too small for any map.
     pub(crate) fn of(asset: &SplatAsset, most: usize, side: u16) -> Result<Self> {
-        let baked: Vec<Baked> = chosen(asset, most).into_iter().map(|i| extent(asset, i, side)).collect();
-        let sizes: Vec<[u16; 2]> = baked.iter().map(|b| b.size).collect();
+        let rectangles: Vec<Rectangle> =
+            chosen(asset, most).into_iter().map(|i| extent(asset, i, side)).collect();
+        let sizes: Vec<[u16; 2]> = rectangles.iter().map(|r| r.size).collect();
         let num_texels = sizes.iter().map(|s| usize::from(s[0]) * usize::from(s[1])).sum();
         let (placements, pages) = atlas::pack(&sizes, side).ok_or_else(|| {
             Error::too_large(
@@ -78,11 +80,11 @@ impl Quads {
         })?;
         let blank = |size: [u16; 2]| vec![0; 4 * usize::from(size[0]) * usize::from(size[1])];
         let pages = pages.into_iter().map(|size| QuadPage { size, rgba: blank(size) }).collect();
-        let mut quads = Self { quads: Vec::with_capacity(baked.len()), pages, num_texels };
-        for (baked, at) in baked.iter().zip(&placements) {
+        let mut quads = Self { quads: Vec::with_capacity(rectangles.len()), pages, num_texels };
+        for (rectangle, at) in rectangles.iter().zip(&placements) {
             let page = &mut quads.pages[usize::from(at.page)];
-            draw(asset, baked, at, page);
-            quads.quads.push(quad(asset, baked, at, page.size));
+            draw(asset, rectangle, at, page);
+            quads.quads.push(quad(asset, rectangle, at, page.size));
         }
         Ok(quads)
     }
@@ -102,7 +104,7 @@ fn chosen(asset: &SplatAsset, most: usize) -> Vec<usize> {
     order
 }
 
-fn extent(asset: &SplatAsset, splat: usize, page_side: u16) -> Baked {
+fn extent(asset: &SplatAsset, splat: usize, page_side: u16) -> Rectangle {
     let (map, opacity) = (&asset.maps[splat], f64::from(asset.opacities[splat]));
     let reach = (2.0 * (opacity / ALPHA_MIN).ln()).sqrt().min(SIGMA_MAX);
     let half = asset.scales[splat].map(|s| f64::from(s) * reach);
@@ -113,7 +115,7 @@ fn extent(asset: &SplatAsset, splat: usize, page_side: u16) -> Baked {
         let wanted = (2.0 * half[axis] / f64::from(map.texel_sizes[axis])).ceil() + 1.0;
         if of_map == 0 { SIDE_MIN } else { wanted.clamp(SIDE_MIN.into(), most.into()) as u16 }
     };
-    Baked { splat, half, size: [texels(1), texels(0)] }
+    Rectangle { splat, half, size: [texels(1), texels(0)] }
 }
 
 /// Coordinate of a texel, one of `count` from `-half` to `half`.
@@ -121,18 +123,20 @@ fn coordinate(index: u16, count: u16, half: f64) -> f64 {
     (2.0 * f64::from(index) / f64::from(count - 1) - 1.0) * half
 }
 
-fn draw(asset: &SplatAsset, baked: &Baked, at: &Placement, page: &mut QuadPage) {
-    let splat = baked.splat;
-    let [cols, rows] = baked.size;
+fn draw(asset: &SplatAsset, rectangle: &Rectangle, at: &Placement, page: &mut QuadPage) {
+    let splat = rectangle.splat;
+    let [cols, rows] = rectangle.size;
     let [scale_u, scale_v] = asset.scales[splat].map(f64::from);
     let sh = asset.sh_of(splat);
     let base: [f64; 3] = std::array::from_fn(|c| (0.5 + SH_0 * f64::from(sh[c])).max(0.0));
     let falloff = |d: f64, scale: f64| (-0.5 * (d / scale).powi(2)).exp();
     // The Gaussian is a product: one exponential for each row and each column.
-    let along_v: Vec<(f64, f64)> =
-        (0..cols).map(|col| coordinate(col, cols, baked.half[1])).map(|b| (b, falloff(b, scale_v))).collect();
+    let along_v: Vec<(f64, f64)> = (0..cols)
+        .map(|col| coordinate(col, cols, rectangle.half[1]))
+        .map(|b| (b, falloff(b, scale_v)))
+        .collect();
     for row in 0..rows {
-        let a = coordinate(row, rows, baked.half[0]);
+        let a = coordinate(row, rows, rectangle.half[0]);
         let opacity = f64::from(asset.opacities[splat]) * falloff(a, scale_u);
         for (col, &(b, falloff)) in along_v.iter().enumerate() {
             let residual = sample(&asset.maps[splat], asset.texels_of(splat), a, b);
@@ -175,12 +179,12 @@ fn sample(map: &AssetMap, texels: &[f32], a: f64, b: f64) -> [f64; 3] {
     sum
 }
 
-fn quad(asset: &SplatAsset, baked: &Baked, at: &Placement, page: [u16; 2]) -> Quad {
-    let splat = baked.splat;
+fn quad(asset: &SplatAsset, rectangle: &Rectangle, at: &Placement, page: [u16; 2]) -> Quad {
+    let splat = rectangle.splat;
     let centre = yup::position(asset.positions[splat]).map(f64::from);
     let q = yup::rotation(asset.rotations[splat]).map(f64::from);
-    let [half_u, half_v] = baked.half;
-    let [cols, rows] = baked.size.map(f64::from);
+    let [half_u, half_v] = rectangle.half;
+    let [cols, rows] = rectangle.size.map(f64::from);
     let corner = |u: f64, v: f64| {
         let offset = quaternion::turned(q, [u * half_u, v * half_v, 0.0]);
         std::array::from_fn(|i| (centre[i] + offset[i]) as f32)

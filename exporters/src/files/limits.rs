@@ -1,6 +1,6 @@
 //! Bounds on memory while reading: arrays are counted before anything is allocated for them.
 
-use crate::{Error, ReadLimits, Result, SplatAsset, num_sh_coefficients};
+use crate::{Error, Result, SplatAsset, num_sh_coefficients};
 use std::path::Path;
 
 /// Memory that even the smallest file may take; see [`ReadLimits::of_file`].
@@ -8,6 +8,38 @@ const SMALL_BYTES: u64 = 64 << 20;
 
 /// Bytes of memory per byte of a file beyond [`SMALL_BYTES`]: what deflate makes of one at most.
 const EXPANSION_MAX: u64 = 1040;
+
+/// How much memory a reader may take.
+///
+/// Sizes that a file states are compared with the limits before anything is allocated for them. A small file may take
+/// less than a large one: see [`ReadLimits::of_file`]. What readers take, and how it is bounded:
+///
+/// | format | what small files can blow up | bound |
+/// |---|---|---|
+/// | `.ltgs` | neutral texels (zstd, 1 : 20,000) | `of_file`; chunks and the whole asset at a time: three times that at worst |
+/// | HTML | nothing: a `.ltgs` file of three quarters of its size | as `.ltgs` |
+/// | glTF, USD | texels of maps | `of_file`; pages are read row by row |
+/// | glTF, USD | pages (deflate, 1 : 1,040) | 64 texels for each that maps use, and 2^24 |
+/// | glTF | JSON of empty objects (1 : 250) | 131,072 objects and 2,097,152 values |
+/// | USD text | prims, properties, entries (1 : 45) and their paths | `of_file`, counted as they are read |
+/// | USD binary | tables (LZ4, 1 : 255), paths, values | 2^20 entries; 16 times the file and 32 MiB of values |
+/// | USD package | entries of its table | 1,000 |
+/// | PLY | properties of a byte (1 : 5), header | the file's own size; 17 MiB and 1,024 names |
+/// | SPZ | splats of zeros (zstd) | streams 80 times the file, at least 16 MiB; splats four times that |
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ReadLimits {
+    /// Most bytes that a file may have, and most that it may decode to.
+    pub decoded_bytes: u64,
+    /// Most layers of a `.ltgs` file that are read, from the first; `None`: all. Other formats have no layers.
+    pub layers: Option<u32>,
+}
+
+impl Default for ReadLimits {
+    /// 4 GiB: some ten million splats of SH degree 3, or a million of them with 300 million texels.
+    fn default() -> Self {
+        Self { decoded_bytes: 4 << 30, layers: None }
+    }
+}
 
 impl ReadLimits {
     /// The limits for a file of this many bytes, which keep a small file from taking all of

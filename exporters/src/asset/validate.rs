@@ -1,9 +1,8 @@
 //! Rules that every asset obeys, whether it was baked from a model or read from a file.
 
-use crate::quaternion::QUATERNION_NORM_TOLERANCE;
-use crate::{
-    AssetMap, Error, MAP_SIDE_MAX, Result, SPLATS_MAX, SplatAsset, num_sh_coefficients, quaternion, quoted,
-};
+use crate::math::quaternion;
+use crate::math::quaternion::QUATERNION_NORM_TOLERANCE;
+use crate::{AssetMap, Error, MAP_SIDE_MAX, Result, SPLATS_MAX, SplatAsset, num_sh_coefficients, quoted};
 
 /// Largest standard deviation, local units.
 const SCALE_MAX: f32 = 1e6;

@@ -1,7 +1,7 @@
 //! Transforms between the frames of an asset: local (in which its numbers are), of the capture, and of files (the world).
 
-use crate::quaternion;
-use crate::quaternion::QUATERNION_NORM_TOLERANCE;
+use crate::math::quaternion;
+use crate::math::quaternion::QUATERNION_NORM_TOLERANCE;
 use serde::{Deserialize, Serialize};
 
 /// A similarity from one frame to another, such as `in_capture = scale * rotation(in_local) + translation`.

@@ -1,7 +1,7 @@
 //! Checks that the fallback in a file matches its textured scene: colours include the maps' means, splats are thin discs.
 
 use crate::SplatAsset;
-use crate::sh::SH_0;
+use crate::math::sh::SH_0;
 
 /// Largest relative difference between a stored coefficient and what is computed here. Our files need 0, sums of other
 /// programs in f32 about 1e-6.

@@ -1,6 +1,6 @@
 //! Recognises formats by their first bytes, so that a misnamed file is reported as misnamed, not as damaged.
 
-use crate::file::read_head;
+use crate::files::read::read_head;
 use crate::{Error, Format, Result};
 use std::path::Path;
 

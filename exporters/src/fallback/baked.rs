@@ -1,7 +1,8 @@
 //! Splats for formats without textures or transforms: in the world frame, with maps averaged into the base colour.
 
-use crate::sh::Turn;
-use crate::{AssetMap, SplatAsset, Transform, quaternion};
+use crate::math::quaternion;
+use crate::math::sh::Turn;
+use crate::{AssetMap, SplatAsset, Transform};
 
 /// A splat in the world frame.
 pub struct Baked {

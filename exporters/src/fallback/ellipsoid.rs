@@ -1,6 +1,7 @@
 //! Ellipsoids of other programs as splats: discs along their two largest axes.
 
-use crate::{AssetMap, SplatAsset, quaternion, yup};
+use crate::math::{quaternion, yup};
+use crate::{AssetMap, SplatAsset};
 
 /// A quaternion keeps its bits while its norm is within this of 1 (what [`SplatAsset::validate`] allows).
 const UNIT_TOLERANCE: f64 = 1e-5;

@@ -1,8 +1,9 @@
 //! Cameras of the capture as other programs take them: in the frame of the file with y up, looking along -z with y up.
 
-use crate::meta::nine_digits;
-use crate::overview::Overview;
-use crate::{AssetCamera, SplatAsset, quaternion};
+use crate::asset::meta::nine_digits;
+use crate::asset::overview::Overview;
+use crate::math::quaternion;
+use crate::{AssetCamera, SplatAsset};
 
 /// Which cameras a file holds for other programs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

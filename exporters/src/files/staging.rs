@@ -3,9 +3,9 @@
 //!
 //! Sidecar files keep their names from one export to the next, because other programs know them by name. They are renamed
 //! one after the other, and the file that refers to them last. A process that is killed in between leaves files of two
-//! exports, which readers refuse by the hashes of [`crate::sidecars`]; a new export puts that right.
+//! exports, which readers refuse by the hashes of [`crate::files::sidecars`]; a new export puts that right.
 
-use crate::atomic_file::{move_to, temporary_beside};
+use crate::files::atomic_file::{move_to, temporary_beside};
 use crate::{Error, Result, Written, text};
 use std::ffi::OsString;
 use std::fs;

@@ -1,7 +1,7 @@
 //! All of an asset except its arrays, as a JSON object that glTF, USD, `.ltgs` and SPZ share. Numbers round-trip bit for
 //! bit.
 
-use crate::overview::{Bounds, Overview};
+use crate::asset::overview::{Bounds, Overview};
 use crate::{AssetCamera, ColourSpace, Filter, Provenance, SplatAsset, Transform};
 use serde::{Deserialize, Serialize, Serializer};
 

@@ -2,8 +2,15 @@
 //! model is baked. A format is lossless if it keeps these numbers. Parameters of the optimisation (logits, logarithms,
 //! moments) do not belong here.
 
+pub mod degrees;
+pub mod edit;
+pub mod hash;
+pub mod meta;
+pub mod overview;
+pub mod validate;
+
 use crate::Transform;
-use crate::sh::{SH_0, num_sh_coefficients};
+use crate::math::sh::{SH_0, num_sh_coefficients};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -273,6 +280,20 @@ impl SplatAsset {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+
+    /// A camera of the test views whose numbers are easily lost on the way.
+    pub(crate) fn camera() -> AssetCamera {
+        AssetCamera {
+            name: "frame 1.png".into(),
+            held_out: true,
+            width_px: 640,
+            height_px: 480,
+            focal_px: [500.5, 501.25],
+            principal_px: [320.0, 240.5],
+            rotation_rows: [[1.0, 0.0, 0.0], [0.0, 0.6, -0.8], [0.0, 0.8, 0.6]],
+            translation: [0.1, 0.2, 1.0 / 3.0],
+        }
+    }
 
     /// A small pseudo-random asset with maps of several shapes, some splats without, and SH of several degrees.
     pub(crate) fn fixture(num_splats: usize, sh_degree: u32) -> SplatAsset {
