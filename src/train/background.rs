@@ -1,15 +1,15 @@
 //! Backgrounds that change from step to step (method 3.2).
 
 use super::config::TrainConfig;
-use rand::{RngExt as _, SeedableRng as _};
-use rand_pcg::Pcg64Mcg;
+use super::random::RandomStream;
+use rand::RngExt as _;
 
 /// Background of a step: the one of the settings, or a colour drawn for the step.
 pub(super) fn background_of(config: &TrainConfig, step: u32) -> [f32; 3] {
     if !config.random_background {
         return config.background;
     }
-    let mut rng = Pcg64Mcg::seed_from_u64(config.seed ^ u64::from(step).wrapping_mul(0xD1B5_4A32_D192_ED03));
+    let mut rng = RandomStream::Background.at(config.seed, step);
     [0; 3].map(|_| rng.random())
 }
 

@@ -14,6 +14,7 @@ mod give_back;
 mod limits;
 mod order;
 mod policy;
+mod random;
 mod run;
 mod schedule;
 mod stages;

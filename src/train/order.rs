@@ -1,10 +1,9 @@
 //! The order in which views are drawn. Each epoch is a permutation of the training views that depends only on
 //! the seed and the number of the epoch.
 
+use super::random::RandomStream;
 use super::state::TrainState;
-use rand::SeedableRng as _;
 use rand::seq::SliceRandom as _;
-use rand_pcg::Pcg64Mcg;
 
 /// A position in the endless sequence of views. It is a copy of the position in a [`TrainState`], so that
 /// views can be drawn ahead; [`ViewOrder::store`] moves the state on once their steps are done.
@@ -43,10 +42,8 @@ impl Iterator for ViewOrder<'_> {
     /// Never ends.
     fn next(&mut self) -> Option<usize> {
         if self.used as usize >= self.order.len() {
-            let stream = 0x7669_6577_u64 << 32 | u64::from(self.epochs);
-            let mut rng = Pcg64Mcg::seed_from_u64(self.seed ^ stream.wrapping_mul(0x9E37_79B9_7F4A_7C15));
             self.order = self.train_views.iter().map(|&v| v as u32).collect();
-            self.order.shuffle(&mut rng);
+            self.order.shuffle(&mut RandomStream::ViewOrder.at(self.seed, self.epochs));
             self.epochs += 1;
             self.used = 0;
         }
