@@ -24,12 +24,12 @@
 var<workgroup> residuals: array<f32, SPLAT_GROUP>;
 
 // Returns the absolute residual before the step.
-fn update(at: u32, units: f32, weight: f32, rate: f32) -> f32 {
+fn update(at: u32, units: f32, rate: f32) -> f32 {
     // The value that the forward pass used: recomputing it is cheaper than reading it.
     let parameter = texel_p[at];
     let value = texel_value(parameter);
     // The texture term has no gradient at exactly 0.
-    let by_value = f32(texel_grad[at]) / units + weight * sign(value);
+    let by_value = f32(texel_grad[at]) / units + step.texture_weight * sign(value);
     texel_grad[at] = 0;
     let by = by_value * texel_value_slope(value);
     let now = adam_step(Moments(parameter, texel_m[at], texel_v[at]), by, rate);
@@ -56,10 +56,9 @@ fn adam_texel(
     let num_floats = select(0u, 3u * texels, footprint.num_tiles > 0u);
     let rate = map_rate(step.rate_texel, step.rate_texel_growth, step.rate_texel_growth_limit, texels);
     let units = texel_units(footprint.box_min, footprint.box_max);
-    let weight = step.texture_weight + step.texture_hidden_weight * footprint.hidden;
     var residual_sum = 0.0;
     for (var f = lane; f < num_floats; f += SPLAT_GROUP) {
-        residual_sum += update(3u * info.map_offset_texels + f, units, weight, rate);
+        residual_sum += update(3u * info.map_offset_texels + f, units, rate);
     }
     residuals[lane] = residual_sum;
     workgroupBarrier();

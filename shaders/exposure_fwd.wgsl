@@ -1,6 +1,6 @@
 // Replaces the rendered image by what the photo's exposure shows, and sums from what that exposure is estimated (twin:
 // reference/exposure.rs).
-// Workgroup: a tile of 16 x 16 pixels. Invocation: a pixel, then a share of one sum.
+// Workgroup: a square tile. Invocation: a pixel, then a share of one sum.
 
 #constants
 #include common/step

@@ -29,8 +29,7 @@ fn finish_blocks(
     var sum = vec2f(0.0);
     var count = vec2u(0u);
     if i < step.num_splats && bounds[i].num_tiles > 0u {
-        let weight = step.texture_weight + step.texture_hidden_weight * bounds[i].hidden;
-        sum = vec2f(bounds[i].opacity * step.opacity_weight, weight * bounds[i].texture_sum);
+        sum = vec2f(step.opacity_weight * bounds[i].opacity, step.texture_weight * bounds[i].texture_sum);
         count = vec2u(1u, bounds[i].faults);
     }
     sums[lane] = sum;

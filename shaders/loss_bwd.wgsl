@@ -1,6 +1,6 @@
 // Derivative of the image loss w.r.t. each pixel, from the SSIM maps of `loss_fwd`: the window is its own adjoint (twin:
 // reference/loss.rs).
-// Workgroup: a tile of 16 x 16 pixels. Invocation: a pixel.
+// Workgroup: a square tile. Invocation: a pixel.
 
 #constants
 #include common/step

@@ -1,6 +1,6 @@
 // L1, SSIM and squared difference of image and photo, and the derivatives of SSIM w.r.t. the means under each window,
 // which `loss_bwd` reads (twin: reference/loss.rs).
-// Workgroup: a tile of 16 x 16 pixels. Invocation: a pixel.
+// Workgroup: a square tile. Invocation: a pixel.
 
 #constants
 #include common/step
@@ -71,17 +71,17 @@ fn loss_fwd(
     across[lid] = vec4f(sums, 0.0);
     workgroupBarrier();
     if lid < TILE_PX {
-        across[GROUP + lid] = sum16(lid * TILE_PX);
+        across[GROUP + lid] = row_sum(lid * TILE_PX);
     }
     workgroupBarrier();
     if lid == 0u && tile < num_loss_tiles() {
-        loss_partials[tile] = sum16(GROUP);
+        loss_partials[tile] = row_sum(GROUP);
     }
 }
 
-fn sum16(first: u32) -> vec4f {
+fn row_sum(first: u32) -> vec4f {
     var sum = vec4f();
-    for (var k = 0u; k < 16u; k += 1u) {
+    for (var k = 0u; k < TILE_PX; k += 1u) {
         sum += across[first + k];
     }
     return sum;

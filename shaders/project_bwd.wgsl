@@ -10,6 +10,7 @@
 #include common/numbers
 #include common/step
 #include common/splat
+#include common/pair_sums
 #include common/projected
 #include common/bounds
 #include common/filter
@@ -25,25 +26,10 @@
 @group(0) @binding(7) var<storage, read_write> statistics: array<vec4f>; // [n] seen, area, weight, error
 @group(0) @binding(8) var<storage, read> splat_info: array<SplatInfo>; // [n]
 
-// Indices of a pair's sums, in the order in which raster_bwd writes them.
-const U = 0u;
-const V = 3u;
-const D = 6u;
-const EXPONENT = 9u;
-const FALLOFF = 12u;
-const RED = 13u;
-const FAULTS = 16u;
-const PIXELS = 17u;
-const WEIGHT = 18u;
-const ERROR = 19u;
-const TRANSMITTANCE = 20u;
 #if GEOMETRY
-// DEPTH: derivative w.r.t. the centre's depth, times minus that depth. NORMAL: by the normal that faces the camera.
-const DEPTH = 21u;
-const NORMAL = 22u;
-const MAX_SUMS = 25u;
+const MAX_SUMS = PAIR_SUMS_GEOMETRY;
 #else
-const MAX_SUMS = 21u;
+const MAX_SUMS = PAIR_SUMS_STATISTICS;
 #endif
 // Each sum over the pairs of a splat is split among this many invocations.
 const PARTS = 4u;
@@ -90,14 +76,14 @@ fn chain_rule(i: u32) {
     let w0 = dot(p, n) / p.z;
     let per_px = 1.0 / (step.focal_px * w0);
 
-    let u = vec3f(sums[U], sums[U + 1u], sums[U + 2u]);
-    let v = vec3f(sums[V], sums[V + 1u], sums[V + 2u]);
-    let d = vec3f(sums[D], sums[D + 1u], sums[D + 2u]);
+    let u = vec3f(sums[SUM_U], sums[SUM_U + 1u], sums[SUM_U + 2u]);
+    let v = vec3f(sums[SUM_V], sums[SUM_V + 1u], sums[SUM_V + 2u]);
+    let d = vec3f(sums[SUM_D], sums[SUM_D + 1u], sums[SUM_D + 2u]);
     // The map in standard deviations is the map in local units over sigma.
     let sigma_a = cross(e_v, p).xy * per_px / scales.x;
     let sigma_b = cross(p, e_u).xy * per_px / scales.y;
     let spread = splat_spread(sigma_a, sigma_b, map_determinant(per_px, scales, p.z));
-    let by_thinning = sums[FALLOFF] * s.opacity;
+    let by_thinning = sums[SUM_FALLOFF] * s.opacity;
     let by_spread = spread_bwd(spread, by_thinning);
     let through = step.filter_px2;
     let by_a = (u.yz - v.yz * spread.v_a / spread.v_b) / spread.u_a
@@ -107,14 +93,14 @@ fn chain_rule(i: u32) {
     let by_cross_b = vec3f(by_b * per_px / scales.y, 0.0);
     let by_w0 = -(dot(by_a, sigma_a) + dot(by_b, sigma_b) + dot(d.yz, s.g)) / w0;
 #if GEOMETRY
-    let by_facing = vec3f(sums[NORMAL], sums[NORMAL + 1u], sums[NORMAL + 2u]);
+    let by_facing = vec3f(sums[SUM_NORMAL], sums[SUM_NORMAL + 1u], sums[SUM_NORMAL + 2u]);
     let by_n = vec3f(d.yz * per_px, 0.0) + by_w0 * p / p.z + select(by_facing, -by_facing, w0 > 0.0);
 #else
     let by_n = vec3f(d.yz * per_px, 0.0) + by_w0 * p / p.z;
 #endif
     let by_px = -(s.a * u.x + s.b * v.x + s.g * d.x) * step.focal_px / p.z;
 #if GEOMETRY
-    let by_projection = vec3f(by_px, -(sums[DEPTH] + dot(by_px, p.xy)) / p.z);
+    let by_projection = vec3f(by_px, -(sums[SUM_DEPTH] + dot(by_px, p.xy)) / p.z);
 #else
     let by_projection = vec3f(by_px, -dot(by_px, p.xy) / p.z);
 #endif
@@ -135,9 +121,9 @@ fn chain_rule(i: u32) {
 // Derivative with respect to the spread's covariance, times 2: entries uu, uv, vv. The opacity is divided by the root of
 // the covariance's determinant.
 fn spread_bwd(spread: Spread, by_thinning: f32) -> vec3f {
-    let aa = sums[EXPONENT] - by_thinning;
-    let ab = sums[EXPONENT + 1u];
-    let bb = sums[EXPONENT + 2u] - by_thinning;
+    let aa = sums[SUM_EXPONENT] - by_thinning;
+    let ab = sums[SUM_EXPONENT + 1u];
+    let bb = sums[SUM_EXPONENT + 2u] - by_thinning;
     let vv = bb / (spread.v_b * spread.v_b);
     let uv = (ab / spread.v_b - spread.v_a * vv) / spread.u_a;
     let uu = (aa / spread.u_a - spread.v_a * (ab / (spread.u_a * spread.v_b) + uv)) / spread.u_a;
@@ -152,7 +138,7 @@ fn degree_in_use(i: u32) -> u32 {
 fn sh_bwd(i: u32, position: vec3f, rgb: vec3f) -> vec3f {
     let base = first_float(splat_info[i].parameters);
     let degree = degree_in_use(i);
-    let by_clamped = vec3f(sums[RED], sums[RED + 1u], sums[RED + 2u]);
+    let by_clamped = vec3f(sums[SUM_RGB], sums[SUM_RGB + 1u], sums[SUM_RGB + 2u]);
     let by_rgb = select(vec3f(0.0), by_clamped, rgb > vec3f(0.0));
     let offset = position - step.camera_in_local;
     let distance = length(offset);
@@ -256,11 +242,11 @@ fn project_bwd(
     }
     workgroupBarrier();
     if lane == 0u && visible {
-        bounds[i].faults = atomicLoad(&num_faults) + u32(sums[FAULTS]);
-        bounds[i].hidden = 1.0 - sums[TRANSMITTANCE] / max(sums[PIXELS], 1.0);
+        bounds[i].faults = atomicLoad(&num_faults) + u32(sums[SUM_FAULTS]);
         if has_flag(FLAG_STATISTICS) {
             let num_pixels = f32(step.size_px.x * step.size_px.y);
-            statistics[i] += vec4f(1.0, vec3f(sums[PIXELS], sums[WEIGHT], sums[ERROR]) / num_pixels);
+            let at = SUM_STATISTICS;
+            statistics[i] += vec4f(1.0, vec3f(sums[at], sums[at + 1u], sums[at + 2u]) / num_pixels);
         }
     }
 }

@@ -29,6 +29,7 @@
 #include common/hit
 #include common/fixed
 #include common/texel_grad
+#include common/pair_sums
 #include common/tile_sums
 
 @group(0) @binding(1) var<storage, read> projected: array<Projected>; // [n]
@@ -59,22 +60,19 @@ const TEXEL_U = 9u; // texture coordinates
 const TEXEL_V = 10u;
 #if STATISTICS
 const WEIGHT = 11u;
-const TRANSMITTANCE = 12u;
-const NUM_QUANTITIES = 13u;
+const NUM_QUANTITIES = 12u;
 #if GEOMETRY
-const NUM_SUMS = 25u;
+const NUM_SUMS = PAIR_SUMS_GEOMETRY;
 const TEXEL_PARTS = 4u;
 #else
-const NUM_SUMS = 21u;
+const NUM_SUMS = PAIR_SUMS_STATISTICS;
 const TEXEL_PARTS = 8u;
 #endif
 #else
 const NUM_QUANTITIES = 11u;
-const NUM_SUMS = 17u;
+const NUM_SUMS = PAIR_SUMS;
 const TEXEL_PARTS = TILE_ROWS_PX;
 #endif
-// Sum of a tile's first pair that carries the faults of the whole tile.
-const FAULTS = 16u;
 const BLOCK_TEXELS = 4u;
 // Each sum has one part per row of pixels.
 const PARTS = TILE_ROWS_PX;
@@ -124,14 +122,13 @@ fn pixel_bwd(replay: ptr<function, Replay>, s: Projected, index: u32, pixel: vec
     var by_colour = vec3f(0.0);
     var coordinate = vec2f(-1e9);
     var weight = 0.0;
-    var before = 0.0;
 #if GEOMETRY
     var by_denominator = 0.0;
 #endif
     if blended {
         let alpha = min(hit.raw_alpha, ALPHA_MAX);
         let per_rest = 1.0 / (1.0 - alpha);
-        before = (*replay).transmittance * per_rest;
+        let before = (*replay).transmittance * per_rest;
         weight = alpha * before;
         let taps = texture_taps(s, hit.plane);
         var texture = Residual(vec3f(0.0), vec3f(0.0), vec3f(0.0));
@@ -187,7 +184,6 @@ fn pixel_bwd(replay: ptr<function, Replay>, s: Projected, index: u32, pixel: vec
     store(TEXEL_V, at, coordinate.y);
 #if STATISTICS
     store(WEIGHT, at, weight);
-    store(TRANSMITTANCE, at, before);
 #endif
 }
 
@@ -305,7 +301,7 @@ fn raster_bwd(
         }
         if block == 0u && from_last < NUM_SUMS {
             var total = 0.0;
-            for (var k = 0u; k < PARTS && from_last != FAULTS; k += 1u) {
+            for (var k = 0u; k < PARTS && from_last != SUM_FAULTS; k += 1u) {
                 total += sum_parts[from_last * PARTS + k];
             }
             partials[pair.x * NUM_SUMS + from_last] = total;
@@ -321,6 +317,6 @@ fn raster_bwd(
     workgroupBarrier();
     // The host needs only the total: the tile's first pair carries it.
     if lane == 0u && range.x < range.y {
-        partials[pairs[range.x].x * NUM_SUMS + FAULTS] = f32(atomicLoad(&num_faults));
+        partials[pairs[range.x].x * NUM_SUMS + SUM_FAULTS] = f32(atomicLoad(&num_faults));
     }
 }

@@ -69,9 +69,6 @@ pub struct LossWeights {
     pub opacity: f32,
     /// Sum of the absolute residuals over the texels of visible maps. Default 1e-8 (CAT; not measured).
     pub texture: f32,
-    /// The same, each map times 1 - the mean transmittance in front of it, so that hidden maps become smooth.
-    /// Default 0 (CAT's release; not measured).
-    pub texture_hidden: f32,
     /// Spread of the depths of a pixel's samples, for geometry. Default 0 (paper; not measured).
     pub distortion: f32,
     /// Deviation of the splats' normals from those of the depth map, for geometry. Default 0 (paper; not measured).
@@ -80,16 +77,8 @@ pub struct LossWeights {
 
 impl LossWeights {
     /// All terms off.
-    pub const NONE: Self = Self {
-        l1: 0.0,
-        dssim: 0.0,
-        mse: 0.0,
-        opacity: 0.0,
-        texture: 0.0,
-        texture_hidden: 0.0,
-        distortion: 0.0,
-        normal: 0.0,
-    };
+    pub const NONE: Self =
+        Self { l1: 0.0, dssim: 0.0, mse: 0.0, opacity: 0.0, texture: 0.0, distortion: 0.0, normal: 0.0 };
 
     /// The published terms.
     pub const PUBLISHED: Self = Self { l1: 0.8, dssim: 0.2, opacity: 0.01, texture: 1e-8, ..Self::NONE };

@@ -96,7 +96,7 @@ fn results_do_not_depend_on_batches_or_capacity(driver: &AdapterChoice, limits: 
     assert!(first.unwrap().0 != different.0, "negative control: another scene gives another model");
 }
 
-/// Steps of every kind: with statistics, with hidden textures, with terms on depths and normals.
+/// Steps of every kind: with statistics, with terms on depths and normals.
 fn mixed<'a>(
     views: &'a [(litetex_gs::camera::Camera, litetex_gs::backend::TargetImage)],
 ) -> Vec<StepRequest<'a>> {
@@ -105,8 +105,7 @@ fn mixed<'a>(
         let loss = request.loss;
         request.loss = match request.step % 4 {
             0 => LossWeights { distortion: 10.0, normal: 0.05, ..loss },
-            1 => LossWeights { texture_hidden: 1e-6, ..loss },
-            2 => LossWeights { normal: 0.1, texture_hidden: 1e-6, ..loss },
+            2 => LossWeights { normal: 0.1, ..loss },
             _ => loss,
         };
     }

@@ -17,14 +17,13 @@ struct Bounds {
     first_slot: u32,
     // Results of the backward pass: gradients that were not finite or did not fit fixed point; ...
     faults: u32,
-    // ... 1 - mean transmittance in front of the splat; ...
-    hidden: f32,
-    // ... sum of the absolute residuals of its map.
+    // ... sum of the absolute residuals of the map.
     texture_sum: f32,
     // Opacity before the filter.
     opacity: f32,
     pad0: u32,
     pad1: u32,
+    pad2: u32,
 }
 
 // Spans are widened by this to absorb rounding (measured on the CPU backend: up to 1e-4 px far from the origin).
@@ -36,7 +35,7 @@ struct Box {
 }
 
 fn empty_bounds() -> Bounds {
-    return Bounds(vec2f(), 0.0, 0.0, 0.0, 0.0, 0u, 0u, 0u, 0u, 0u, 0.0, 0.0, 0.0, 0u, 0u);
+    return Bounds(vec2f(), 0.0, 0.0, 0.0, 0.0, 0u, 0u, 0u, 0u, 0u, 0.0, 0.0, 0u, 0u, 0u);
 }
 
 // Sets the box to the pixels whose centres lie in `extent`, widened by the margin and clipped to the image.

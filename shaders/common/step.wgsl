@@ -36,7 +36,6 @@ struct Step {
     // Weight of the opacity term divided by the number of splats.
     opacity_weight: f32,
     texture_weight: f32,
-    texture_hidden_weight: f32,
     // Fixed-point units per unit of texel gradient for a splat of one pixel.
     texel_units: f32,
     // First pixel of the view's photo in the pool of photos.
@@ -68,6 +67,7 @@ struct Step {
     filter_px2: f32,
     pad0: u32,
     pad1: u32,
+    pad2: u32,
 }
 
 // Flushed parameters are stored: a training step, not an image.

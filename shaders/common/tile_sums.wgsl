@@ -11,7 +11,7 @@ fn sum_row(quantity: u32, row: u32, columns: vec2u, to_first: vec2f) {
         total += value;
         times_dx += value * (to_first.x + f32(column));
     }
-    let sum = select(quantity + 7u, quantity * 3u, quantity < 3u);
+    let sum = select(SUM_RGB + quantity - RED, SUM_U + quantity * 3u, quantity < 3u);
     sum_parts[sum * PARTS + row] = total;
     if quantity < 3u {
         sum_parts[(sum + 1u) * PARTS + row] = times_dx;
@@ -31,14 +31,14 @@ fn exponent_row(s: Projected, row: u32, columns: vec2u) {
         total += by_falloff * vec4f(s.opacity * vec3f(x * x, x * y, y * y), 1.0);
     }
     for (var k = 0u; k < 4u; k += 1u) {
-        sum_parts[(9u + k) * PARTS + row] = total[k];
+        sum_parts[(SUM_EXPONENT + k) * PARTS + row] = total[k];
     }
 }
 
 #if STATISTICS
-// Sums pixels, blending weight, weight times loss and transmittance in front over a row of pixels.
+// Sums pixels, blending weight and weight times loss over a row of pixels.
 fn statistics_row(row: u32, columns: vec2u, origin_px: vec2u) {
-    var total = vec4f(0.0);
+    var total = vec3f(0.0);
     for (var column = columns.x; column < columns.y; column += 1u) {
         let at = column * PARTS + row;
         let weight = lanes[WEIGHT * RASTER_GROUP + at];
@@ -48,10 +48,10 @@ fn statistics_row(row: u32, columns: vec2u, origin_px: vec2u) {
 #else
         let loss = pixel_grad[(origin_px.y + row) * step.size_px.x + origin_px.x + column].w;
 #endif
-        total += vec4f(f32(weight > 0.0), weight, weight * loss, lanes[TRANSMITTANCE * RASTER_GROUP + at]);
+        total += vec3f(f32(weight > 0.0), weight, weight * loss);
     }
-    for (var k = 0u; k < 4u; k += 1u) {
-        sum_parts[(17u + k) * PARTS + row] = total[k];
+    for (var k = 0u; k < 3u; k += 1u) {
+        sum_parts[(SUM_STATISTICS + k) * PARTS + row] = total[k];
     }
 }
 #endif
@@ -69,7 +69,7 @@ fn geometry_row(s: Projected, row: u32, columns: vec2u, origin_px: vec2u) {
         total += weight * vec4f((c.y + 2.0 * c.z * m) * m, pixel_records[at + 2u].xyz);
     }
     for (var k = 0u; k < 4u; k += 1u) {
-        sum_parts[(21u + k) * PARTS + row] = total[k];
+        sum_parts[(SUM_DEPTH + k) * PARTS + row] = total[k];
     }
 }
 #endif

@@ -6,11 +6,11 @@ use super::math::BLOCK_PX;
 use super::pipeline::{ViewPipeline, with_regularisers};
 use super::simd::SimdLevel;
 use super::tiles::TILE_PX;
-use super::update::{UpdateInput, flush, hidden_texture_value, update};
+use super::update::{flush, update};
 use super::view::ViewF32;
 use crate::backend::{
-    Backend, DensityPlan, DeviceInfo, DeviceLimits, LossValues, RenderOptions, RenderedImage, SceneShape,
-    StepReport, StepRequest, WindowStatistics,
+    Backend, DensityPlan, DeviceInfo, DeviceLimits, RenderOptions, RenderedImage, SceneShape, StepReport,
+    StepRequest, WindowStatistics,
 };
 use crate::camera::{Camera, Similarity};
 use crate::constants::SH_DEGREE_MAX;
@@ -147,15 +147,6 @@ impl CpuBackend {
     }
 }
 
-/// Adds the terms that are known only after the backward pass, and sets the total.
-fn total(values: &mut LossValues, request: &StepRequest<'_>, input: &UpdateInput<'_>) {
-    if request.loss.texture_hidden != 0.0 {
-        values.texture += f64::from(request.loss.texture_hidden) * hidden_texture_value(input);
-    }
-    let v = *values;
-    values.total = v.l1 + v.dssim + v.mse + v.opacity + v.texture + v.distortion + v.normal;
-}
-
 impl Backend for CpuBackend {
     fn device(&self) -> DeviceInfo {
         let simd = SimdLevel(self.level).name();
@@ -218,12 +209,12 @@ impl Backend for CpuBackend {
             let (terms, colour_sums) = pipeline.loss(level, loss, request);
             let mut values = with_regularisers(terms, model, pipeline, request);
             (values.distortion, values.normal) = pipeline.geometry_loss(request);
+            let v = values;
+            values.total = v.l1 + v.dssim + v.mse + v.opacity + v.texture + v.distortion + v.normal;
             stages.end("loss");
-            let sums = request.accumulate_statistics || request.loss.texture_hidden != 0.0;
-            pipeline.backward(level, loss, request, partials, sums);
+            pipeline.backward(level, loss, request, partials);
             stages.end("backward");
             let input = pipeline.update_input(level, model, request, partials, view);
-            total(&mut values, request, &input);
             let window = request.accumulate_statistics.then(|| {
                 statistics.views += 1;
                 &mut *statistics

@@ -233,7 +233,6 @@ impl ViewPipeline {
         buffers: &LossBuffers,
         request: &StepRequest<'_>,
         partials: &mut Vec<f32>,
-        statistics: bool,
     ) {
         let Some(view) = self.view else { return };
         partials.resize(self.tiles.partial_floats, 0.0);
@@ -255,7 +254,7 @@ impl ViewPipeline {
             }
             let gradient = self.tile_gradient(tile, buffers);
             let (out, background) = (&self.outputs[tile], request.background);
-            if statistics {
+            if request.accumulate_statistics {
                 dispatch!(level, simd => raster_bwd::<_, true>(simd, &input, out, &gradient, background, base, partials, lanes));
             } else {
                 dispatch!(level, simd => raster_bwd::<_, false>(simd, &input, out, &gradient, background, base, partials, lanes));
@@ -302,7 +301,6 @@ impl ViewPipeline {
             rates: request.rates,
             opacity_weight: request.loss.opacity / model.num_splats().max(1) as f32,
             texture_weight: request.loss.texture,
-            texture_hidden_weight: request.loss.texture_hidden,
             num_pixels: request.camera.pinhole.num_pixels() as f32,
         }
     }

@@ -49,8 +49,6 @@ pub(super) enum Sum {
     Pixels,
     Weight,
     Error,
-    /// Transmittance in front of the splat.
-    Transmittance,
     /// Number of sums. The texel sums of the pair's window follow, `[rows, cols, 3]`.
     Len,
 }
@@ -253,7 +251,6 @@ fn block_bwd<S: Simd, const STATS: bool>(
     if STATS {
         sums.add(Sum::Pixels, blended.select(Lanes::splat(simd, 1.0), zero));
         sums.add(Sum::Weight, weight);
-        sums.add(Sum::Transmittance, blended.select(before, zero));
         sums.mul_add(Sum::Error, weight, Lanes::from_slice(simd, &replay.gradient.loss[at]));
     }
 

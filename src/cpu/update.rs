@@ -170,7 +170,6 @@ pub(super) struct UpdateInput<'a> {
     /// Weight of the opacity term divided by the number of splats.
     pub opacity_weight: f32,
     pub texture_weight: f32,
-    pub texture_hidden_weight: f32,
     pub num_pixels: f32,
 }
 
@@ -220,36 +219,13 @@ fn splat_gradient(
     let mut gradient = project_bwd(model, splat, &sums, &input.view, input.sh_degree);
     gradient.opacity += input.opacity_weight * splat.stored_opacity * (1.0 - splat.stored_opacity);
     let values = &input.texel_values[map.first as usize..][..texels.len()];
-    let texture_weight = input.texture_weight + input.texture_hidden_weight * hidden_share(&sums);
     for (g, v) in texels.iter_mut().zip(values) {
         let sign = if *v == 0.0 { 0.0 } else { v.signum() };
-        *g = (*g + texture_weight * sign) * texel_value_slope(f64::from(*v)) as f32;
+        *g = (*g + input.texture_weight * sign) * texel_value_slope(f64::from(*v)) as f32;
     }
     let non_finite = guard(&mut gradient, texels);
     let statistics = [Sum::Pixels, Sum::Weight, Sum::Error].map(|s| sums[s as usize] / input.num_pixels);
     (gradient, statistics, non_finite)
-}
-
-/// 1 - the mean transmittance in front of a splat.
-fn hidden_share(sums: &[f32; HEADER_FLOATS]) -> f32 {
-    1.0 - sums[Sum::Transmittance as usize] / sums[Sum::Pixels as usize].max(1.0)
-}
-
-/// Value of the texture term on hidden maps for a weight of 1.
-pub(super) fn hidden_texture_value(input: &UpdateInput<'_>) -> f64 {
-    let value = |index: usize| {
-        if input.tiles.slot_start[index] == input.tiles.slot_start[index + 1] {
-            return 0.0;
-        }
-        let mut sums = [0.0; HEADER_FLOATS];
-        for (_, record) in touched_records(input, index) {
-            sums.iter_mut().zip(record).for_each(|(sum, part)| *sum += part);
-        }
-        let map = &input.splats[index].map;
-        let texels = &input.texel_values[map.first as usize..][..3 * (map.rows * map.cols) as usize];
-        f64::from(hidden_share(&sums)) * texels.iter().map(|v| f64::from(v.abs())).sum::<f64>()
-    };
-    (0..input.splats.len()).into_par_iter().map(value).collect::<Vec<_>>().iter().sum()
 }
 
 /// Sets non-finite gradients to zero and returns their number.

@@ -7,7 +7,7 @@ use super::layout::Status;
 use super::model_buffers;
 use super::state::GpuBackend;
 use super::submission::{check_camera, check_request};
-use super::uniform::{self, needs_statistics};
+use super::uniform;
 use super::view_buffers::RequiredCapacity;
 use super::{apply_plan, geometry, limits};
 use crate::Result;
@@ -99,7 +99,7 @@ impl Backend for GpuBackend {
             let photos: Vec<_> = rest.iter().map(|r| (r.photo, r.target)).collect();
             let fitting = self.photos.prepare(&self.device, &mut self.resources, &photos)?;
             let batch = &rest[..fitting];
-            let statistics = batch.iter().any(needs_statistics);
+            let statistics = batch.iter().any(|r| r.accumulate_statistics);
             let needs = RequiredCapacity {
                 geometry: batch.iter().any(|r| r.loss.needs_geometry()),
                 ..self.needs(batch.iter().map(|r| r.camera), true, statistics)

@@ -62,8 +62,6 @@ pub struct StepUniform {
     pub opacity_weight: f32,
     /// Weight of the texture term.
     pub texture_weight: f32,
-    /// Weight of the texture term on hidden maps.
-    pub texture_hidden_weight: f32,
     /// Fixed-point units per unit of texel gradient, for a splat of one pixel.
     pub texel_units: f32,
     /// First pixel of the view's photo in the pool of photos.
@@ -110,7 +108,16 @@ pub struct StepUniform {
     pub pad0: u32,
     /// As `pad0`.
     pub pad1: u32,
+    /// As `pad0`.
+    pub pad2: u32,
 }
+
+/// Sums of a tile-splat pair.
+pub const PAIR_SUMS: u32 = 17;
+/// The same with window statistics.
+pub const PAIR_SUMS_STATISTICS: u32 = 20;
+/// The same with distortion and normal terms, which imply window statistics.
+pub const PAIR_SUMS_GEOMETRY: u32 = 24;
 
 /// Flushed parameters are stored: a training step, not an image.
 pub const FLAG_PERSIST: u32 = 1;

@@ -16,8 +16,8 @@ pub const HALF_TILE_ROWS_PX: u32 = 8;
 pub const FIXED_MAX: f64 = (1 << 30) as f64;
 /// Flag that all kernels get on software drivers.
 pub const HALF_TILES: &str = "HALF_TILES";
-/// Invocations of most workgroups, and pixels of a tile.
-pub const GROUP: u32 = 256;
+/// Invocations of most workgroups: the pixels of a tile.
+pub const GROUP: u32 = TILE_PX * TILE_PX;
 /// Invocations per workgroup in kernels with one workgroup per splat.
 pub const SPLAT_GROUP: u32 = 64;
 /// Elements per workgroup in the prefix sums and the sort.
@@ -48,6 +48,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "common/image",
     "common/map_change",
     "common/numbers",
+    "common/pair_sums",
     "common/photo",
     "common/projected",
     "common/scan",

@@ -67,7 +67,7 @@ fn injected_faults_are_detected() {
         "    rate_sh_dc: f32,\n    rate_sh_rest: f32,",
         "    rate_sh_rest: f32,\n    rate_sh_dc: f32,",
         &format!("{step}{}: ", line.unwrap() + 1),
-        "Step member 33",
+        "Step member 32",
     );
     detected("    loss_l1: f32,", "    loss_l1: u32,", step, "Step member 21");
     detected("    grid: vec2u,", "    grid: vec4u,", step, "bytes");

@@ -3,11 +3,11 @@
 
 use super::encode::Dispatch;
 use super::kernels::{Buf, KernelId};
-use super::layout::{FLAG_COUNT_ATOMICS, MAX_SIDE_PX, Status, StepUniform};
+use super::layout::{FLAG_COUNT_ATOMICS, MAX_SIDE_PX, PAIR_SUMS_GEOMETRY, Status, StepUniform};
 use super::resources::UniformOffsets;
 use super::sort;
 use super::state::{GpuBackend, PendingStep, tile_flags};
-use super::uniform::{self, needs_statistics};
+use super::uniform;
 use super::view_buffers::RequiredCapacity;
 use crate::backend::{ColourSums, LossValues, RasterCounters, StepReport, StepRequest};
 use crate::camera::Camera;
@@ -101,7 +101,7 @@ impl GpuBackend {
 
     /// Largest number of pairs whose partial sums fit into a buffer.
     fn most_pairs(&self) -> u64 {
-        self.device.most_buffer_bytes() / (4 * u64::from(uniform::PARTIAL_STRIDE_GEOMETRY))
+        self.device.most_buffer_bytes() / (4 * u64::from(PAIR_SUMS_GEOMETRY))
     }
 
     /// Grows the buffers to the number of pairs that a view needs.
@@ -139,7 +139,7 @@ impl GpuBackend {
             let uniform = uniform::step(&inputs, request, photo_px, slot as u32);
             let offsets = self.set_uniform(slot, &StepUniform { flags: uniform.flags | flags, ..uniform });
             let geometry = request.loss.needs_geometry();
-            let statistics = needs_statistics(request);
+            let statistics = request.accumulate_statistics;
             let exposure = request.exposure.is_some();
             dispatches.extend(self.step_dispatches(offsets, &request.camera, geometry, statistics, exposure));
             ends.push(dispatches.len());
@@ -190,7 +190,7 @@ impl GpuBackend {
 
     /// Whether a step runs the kernel variant that counts atomics.
     fn counts_atomics(&self, request: &StepRequest<'_>) -> bool {
-        self.options.count_texel_atomics && !request.loss.needs_geometry() && !needs_statistics(request)
+        self.options.count_texel_atomics && !request.loss.needs_geometry() && !request.accumulate_statistics
     }
 
     pub(super) fn report(

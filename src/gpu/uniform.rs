@@ -1,6 +1,8 @@
 //! Fills in the uniforms of training steps and images.
 
-use super::layout::{FLAG_PERSIST, FLAG_STATISTICS, StepUniform};
+use super::layout::{
+    FLAG_PERSIST, FLAG_STATISTICS, PAIR_SUMS, PAIR_SUMS_GEOMETRY, PAIR_SUMS_STATISTICS, StepUniform,
+};
 use super::shader::{FIXED_MAX, TILE_PX};
 use crate::backend::{ColourMap, LossWeights, StepRequest};
 use crate::camera::Camera;
@@ -36,7 +38,7 @@ pub(super) fn without_view(inputs: &UniformInputs, flags: u32) -> StepUniform {
         num_splats: inputs.num_splats,
         flushed_step: inputs.flushed_step,
         pair_capacity: inputs.pair_capacity,
-        partial_stride: PARTIAL_STRIDE,
+        partial_stride: PAIR_SUMS,
         last_rate_sh_dc: inputs.flushed_rates.sh_dc,
         last_rate_sh_rest: inputs.flushed_rates.sh_rest,
         last_rate_texel: inputs.flushed_rates.texel,
@@ -75,16 +77,13 @@ pub(super) fn image(
     }
 }
 
-/// Floats per pair in the partial sums.
-pub(super) const PARTIAL_STRIDE: u32 = 17;
-/// Floats per pair with window statistics.
-pub(super) const PARTIAL_STRIDE_STATISTICS: u32 = 21;
-/// Floats per pair with distortion and normal terms, which imply window statistics.
-pub(super) const PARTIAL_STRIDE_GEOMETRY: u32 = 25;
-
-/// Whether a step needs the sums for the window statistics.
-pub(super) fn needs_statistics(request: &StepRequest<'_>) -> bool {
-    request.accumulate_statistics || request.loss.texture_hidden != 0.0
+/// Floats per pair in the partial sums of a step.
+pub(super) fn partial_stride(geometry: bool, statistics: bool) -> u32 {
+    match (geometry, statistics) {
+        (true, _) => PAIR_SUMS_GEOMETRY,
+        (false, true) => PAIR_SUMS_STATISTICS,
+        (false, false) => PAIR_SUMS,
+    }
 }
 
 /// Uniform of a training step.
@@ -97,11 +96,6 @@ pub(super) fn step(
     let (loss, rates) = (&request.loss, &request.rates);
     let t = f64::from(request.step);
     let num_pixels = request.camera.pinhole.num_pixels() as f64;
-    let partial_stride = match (loss.needs_geometry(), needs_statistics(request)) {
-        (true, _) => PARTIAL_STRIDE_GEOMETRY,
-        (false, true) => PARTIAL_STRIDE_STATISTICS,
-        (false, false) => PARTIAL_STRIDE,
-    };
     let statistics = if request.accumulate_statistics { FLAG_STATISTICS } else { 0 };
     let [exposure_row0, exposure_row1, exposure_row2] = request.exposure.unwrap_or(ColourMap::IDENTITY).0;
     StepUniform {
@@ -111,7 +105,7 @@ pub(super) fn step(
         step: request.step,
         flags: FLAG_PERSIST | statistics,
         status_slot,
-        partial_stride,
+        partial_stride: partial_stride(loss.needs_geometry(), request.accumulate_statistics),
         loss_l1: loss.l1,
         loss_dssim: loss.dssim,
         loss_mse: loss.mse,
@@ -119,7 +113,6 @@ pub(super) fn step(
         loss_normal: loss.normal,
         opacity_weight: loss.opacity / inputs.num_splats.max(1) as f32,
         texture_weight: loss.texture,
-        texture_hidden_weight: loss.texture_hidden,
         texel_units: (3.0 * num_pixels * FIXED_MAX / gradient_bound(loss)) as f32,
         photo_offset_px,
         rate_position: rates.position,

@@ -6,7 +6,7 @@ use super::kernels::Buf;
 use super::resources::Resources;
 use super::shader::BLOCK;
 use super::sort::histogram_entries;
-use super::uniform::{PARTIAL_STRIDE, PARTIAL_STRIDE_GEOMETRY, PARTIAL_STRIDE_STATISTICS};
+use super::uniform::partial_stride;
 use crate::Result;
 
 /// Current capacity of the buffers.
@@ -108,11 +108,7 @@ impl Capacity {
             (self.pairs, self.splats) = (pairs, splats);
         }
         if needs.training {
-            let stride = match (needs.geometry, needs.statistics) {
-                (true, _) => PARTIAL_STRIDE_GEOMETRY,
-                (false, true) => PARTIAL_STRIDE_STATISTICS,
-                (false, false) => PARTIAL_STRIDE,
-            };
+            let stride = partial_stride(needs.geometry, needs.statistics);
             let pairs = needs.pairs.max(self.training_pairs);
             let floats = pairs * u64::from(stride);
             if floats > self.partials {

@@ -99,7 +99,7 @@ pub fn gradients_at(
     }
     let mut loss = losses.values;
     (loss.distortion, loss.normal) = (geometry.distortion, geometry.normal);
-    regularise(params, &visible, &splat_grads, weights, &mut loss, &mut grad);
+    regularise(params, &visible, weights, &mut loss, &mut grad);
     loss.total =
         loss.l1 + loss.dssim + loss.mse + loss.opacity + loss.texture + loss.distortion + loss.normal;
     let statistics = splat_grads.iter().map(|s| s.statistics).collect();
@@ -118,7 +118,6 @@ fn is_visible(p: &Projected, camera: &Camera, settings: &Settings) -> bool {
 fn regularise(
     params: &Params,
     visible: &[bool],
-    splats: &[raster_bwd::ScreenGradient],
     weights: &LossWeights,
     loss: &mut LossValues,
     grad: &mut Params,
@@ -128,10 +127,7 @@ fn regularise(
         let o = params.opacity(i);
         loss.opacity += opacity_weight * o;
         grad.opacity_logits[i] += opacity_weight * o * (1.0 - o);
-        // The mean transmittance in front of the splat is a constant in the derivative.
-        let in_front = splats[i].transmittance / splats[i].statistics[0].max(1.0);
-        let texture_weight =
-            f64::from(weights.texture) + f64::from(weights.texture_hidden) * (1.0 - in_front);
+        let texture_weight = f64::from(weights.texture);
         for t in params.maps[i].floats() {
             let v = crate::model::texel_value(params.texels[t]);
             loss.texture += texture_weight * v.abs();

@@ -33,8 +33,6 @@ pub struct ScreenGradient {
     pub normal: DVec3,
     /// Covered pixels, blending weight, and blending weight times loss.
     pub statistics: [f64; 3],
-    /// Transmittance in front of the splat, summed over the covered pixels.
-    pub transmittance: f64,
 }
 
 /// Adds the texel gradients to `grad` and returns the gradients with respect to the projected splats.
@@ -69,7 +67,6 @@ pub(super) fn raster_bwd(
             let s = &mut out[sample.splat];
             s.depth -= by_m * settings.near * sample.hit.denominator / (p.depth * p.depth);
             s.normal += weight * p.facing() * coefficients.towards;
-            s.transmittance += sample.transmittance_before;
             let by_denominator = by_m * settings.near / p.depth;
             s.g += by_denominator * sample.hit.offset_px;
             s.centre_px -= by_denominator * p.g;

@@ -14,9 +14,8 @@ use serde::Serialize;
 
 const WEIGHTS: LossWeights =
     LossWeights { l1: 0.8, dssim: 0.2, mse: 0.0, opacity: 0.01, texture: 1e-8, ..LossWeights::NONE };
-/// All terms, including those on depths and normals and on hidden textures, which have code paths of their own.
-const ALL_WEIGHTS: LossWeights =
-    LossWeights { mse: 0.03, texture_hidden: 1e-6, distortion: 10.0, normal: 0.05, ..WEIGHTS };
+/// All terms, including those on depths and normals, which have code paths of their own.
+const ALL_WEIGHTS: LossWeights = LossWeights { mse: 0.03, distortion: 10.0, normal: 0.05, ..WEIGHTS };
 const BACKGROUND: [f32; 3] = [0.1, 0.2, 0.3];
 /// Mixes all channels and is far from the identity.
 const EXPOSURE: ColourMap =
@@ -96,7 +95,7 @@ pub fn run(backend: &mut dyn Backend) -> Result<Vec<Check>> {
         checks.extend(ten_steps(backend, &scene, &name)?);
     }
     // Texels smaller than pixels, whose gradients the kernels for hardware sum in a different way. With this seed no splat
-    // grazes a pixel's centre, which decides whether its hidden map is regularised.
+    // grazes a pixel's centre, which decides whether its map is regularised.
     let mut scene = random_scene(&SceneOptions {
         num_splats: 300,
         sh_degree: 1,

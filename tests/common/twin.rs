@@ -18,7 +18,6 @@ pub const WEIGHTS: LossWeights = LossWeights {
     mse: 0.03,
     opacity: 0.01,
     texture: 1e-6,
-    texture_hidden: 1e-6,
     distortion: 100.0,
     normal: 0.05,
 };

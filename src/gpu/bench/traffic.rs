@@ -16,9 +16,10 @@
 //! | adam | `28 (10 N + C Nv + 3 Mv)` |
 
 use crate::gpu::kernels::KernelId;
-use crate::gpu::layout::{BOUNDS_BYTES, DispatchArgs, PROJECTED_BYTES, SPLAT_SUMS_BYTES, SplatInfo, Status};
+use crate::gpu::layout::{
+    BOUNDS_BYTES, DispatchArgs, PAIR_SUMS, PROJECTED_BYTES, SPLAT_SUMS_BYTES, SplatInfo, Status,
+};
 use crate::gpu::shader::{BLOCK, DIGIT_BITS, GROUP};
-use crate::gpu::uniform::PARTIAL_STRIDE;
 use serde::Serialize;
 
 /// Input of the traffic model; means over steps.
@@ -103,7 +104,7 @@ const WINDOW: f64 = 8.0;
 const PROJECTED: f64 = PROJECTED_BYTES as f64;
 const BOUNDS: f64 = BOUNDS_BYTES as f64;
 const INFO: f64 = size_of::<SplatInfo>() as f64;
-const PARTIALS: f64 = PARTIAL_STRIDE as f64 * WORD;
+const PARTIALS: f64 = PAIR_SUMS as f64 * WORD;
 
 /// Bytes by item that all dispatches of a kernel move in a step without window statistics.
 pub(super) fn traffic(kernel: KernelId, c: &TrafficCounts) -> Vec<(TrafficItem, f64)> {
@@ -163,18 +164,18 @@ pub(super) fn traffic(kernel: KernelId, c: &TrafficCounts) -> Vec<(TrafficItem, 
             vec![(I::Backward, scene + (8.0 + 16.0) * c.pixels + sums)]
         }
         K::ProjectBwd => {
-            // Number of pairs, first slot and place of the parameters of all splats; faults and hidden share of visible ones.
-            let sums = 3.0 * WORD * c.splats + (PROJECTED + 2.0 * WORD) * c.visible + PARTIALS * c.pairs;
+            // Number of pairs, first slot and place of the parameters of all splats; faults of visible ones.
+            let sums = 3.0 * WORD * c.splats + (PROJECTED + WORD) * c.visible + PARTIALS * c.pairs;
             let state = STATE * (GEOMETRY * c.splats + c.sh_floats * c.visible);
             vec![(I::Backward, sums), (I::Adam, state)]
         }
         K::AdamTexel => {
-            // Number of pairs of all splats; box, hidden share, residual sum and record of visible ones. Gradients
+            // Number of pairs of all splats; box, residual sum and record of visible ones. Gradients
             // are read and zeroed, activated texels written.
-            let records = WORD * c.splats + (4.0 * WORD + INFO + WORD) * c.visible;
+            let records = WORD * c.splats + (3.0 * WORD + INFO + WORD) * c.visible;
             vec![(I::Adam, records + (STATE + 3.0 * WORD) * 3.0 * c.visible_texels)]
         }
-        K::FinishBlocks => vec![(I::Status, WORD * c.splats + 4.0 * WORD * c.visible + block_status)],
+        K::FinishBlocks => vec![(I::Status, WORD * c.splats + 3.0 * WORD * c.visible + block_status)],
         K::Finish => vec![(I::Status, block_status + 16.0 * c.tiles + size_of::<Status>() as f64)],
         // Not part of a step, or only used for depths and normals or exposures.
         K::ProjectGeometry

@@ -65,6 +65,9 @@ fn all_constants() -> BTreeMap<&'static str, Literal> {
     let mut out: BTreeMap<_, _> = floats.iter().map(|&(n, v)| (n, Literal::F32(v as f32))).collect();
     out.extend(integers.iter().map(|&(n, v)| (n, Literal::U32(v))));
     let of_layout = [
+        ("PAIR_SUMS", layout::PAIR_SUMS),
+        ("PAIR_SUMS_STATISTICS", layout::PAIR_SUMS_STATISTICS),
+        ("PAIR_SUMS_GEOMETRY", layout::PAIR_SUMS_GEOMETRY),
         ("FLAG_PERSIST", layout::FLAG_PERSIST),
         ("FLAG_STATISTICS", layout::FLAG_STATISTICS),
         ("FLAG_ALL_MAPS", layout::FLAG_ALL_MAPS),

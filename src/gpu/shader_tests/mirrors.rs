@@ -85,7 +85,6 @@ pub(super) fn mirrors() -> Vec<Mirror> {
                 loss_mse,
                 opacity_weight,
                 texture_weight,
-                texture_hidden_weight,
                 texel_units,
                 photo_offset_px,
                 rate_position,
@@ -109,6 +108,7 @@ pub(super) fn mirrors() -> Vec<Mirror> {
                 filter_px2,
                 pad0,
                 pad1,
+                pad2,
             }
         ),
         mirror!("SortPass", SortPass { shift, counts_pairs, identity_values, pad }),
