@@ -5,7 +5,7 @@
 mod common;
 
 use common::{lab, litetex};
-use litetex_gs::gpu::list_adapters;
+use litetex_gs::gpu::Adapters;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -49,7 +49,7 @@ fn names(kit: &Value, passed: bool) -> Vec<&str> {
 #[test]
 fn the_kit_tests_and_measures_a_device() {
     // Lavapipe where it is installed: it is the quickest.
-    let software: Vec<_> = list_adapters().into_iter().filter(|a| !a.hardware).collect();
+    let software: Vec<_> = Adapters::enumerate().usable.into_iter().filter(|a| !a.hardware).collect();
     let Some(driver) = software.iter().find(|a| a.name == "lavapipe").or(software.first()) else {
         assert!(std::env::var_os("LITETEX_REQUIRE_GPU").is_none(), "a software Vulkan driver is required");
         println!("skipped: no software Vulkan driver is installed");

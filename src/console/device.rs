@@ -31,7 +31,7 @@ pub struct Listed {
 /// What the CPU backend reports.
 pub fn list() -> Result<Vec<Listed>> {
     let cpu = open_cpu()?.device();
-    let mut devices = listed(&gpus(), cpu, opens);
+    let mut devices = listed(gpus(), cpu, opens);
     devices.extend(unfit());
     Ok(devices)
 }
@@ -97,24 +97,24 @@ pub fn open(name: &str, log: &Log) -> Result<Box<dyn Backend>> {
     match name.to_lowercase().as_str() {
         "cpu" => open_cpu(),
         "auto" => {
-            let hardware: Vec<Gpu> = gpus().into_iter().filter(|gpu| gpu.hardware).collect();
+            let hardware: Vec<&Gpu> = gpus().iter().filter(|gpu| gpu.hardware).collect();
             match first_that_opens(&hardware, open_gpu, |message| log.warn("gpu-not-used", message, 1)) {
                 Some(backend) => Ok(backend),
                 None => open_cpu(),
             }
         }
-        _ => open_gpu(name),
+        _ => open_gpu(find_gpu(name)?),
     }
 }
 
 /// The first GPU that can be used, with a warning for each before it that cannot. If there is none, `auto` falls back to
 /// the CPU.
 fn first_that_opens<T>(
-    gpus: &[Gpu],
-    open: impl Fn(&str) -> Result<T>,
+    gpus: &[&Gpu],
+    open: impl Fn(&Gpu) -> Result<T>,
     mut warn: impl FnMut(&str),
 ) -> Option<T> {
-    gpus.iter().enumerate().find_map(|(at, gpu)| match open(&gpu.name) {
+    gpus.iter().enumerate().find_map(|(at, gpu)| match open(gpu) {
         Ok(backend) => Some(backend),
         Err(e) => {
             let next = gpus.get(at + 1).map_or("cpu", |next| &next.name);
@@ -132,15 +132,27 @@ fn open_cpu() -> Result<Box<dyn Backend>> {
 #[cfg(feature = "gpu")]
 use crate::gpu::AdapterChoice as Gpu;
 
+/// The adapters of the machine, enumerated when a command first asks for a GPU.
 #[cfg(feature = "gpu")]
-fn gpus() -> Vec<Gpu> {
-    crate::gpu::list_adapters()
+fn adapters() -> &'static crate::gpu::Adapters {
+    static ADAPTERS: std::sync::OnceLock<crate::gpu::Adapters> = std::sync::OnceLock::new();
+    ADAPTERS.get_or_init(crate::gpu::Adapters::enumerate)
+}
+
+#[cfg(feature = "gpu")]
+fn gpus() -> &'static [Gpu] {
+    &adapters().usable
+}
+
+#[cfg(feature = "gpu")]
+fn find_gpu(name: &str) -> Result<&'static Gpu> {
+    adapters().find(name)
 }
 
 #[cfg(feature = "gpu")]
 fn unfit() -> Vec<Listed> {
-    let unfit = crate::gpu::unfit_adapters();
-    unfit.into_iter().map(|u| unfit_row(u.name, u.description, u.hardware, &u.lacks)).collect()
+    let unfit = adapters().unfit.iter().cloned();
+    unfit.map(|u| unfit_row(u.name, u.description, u.hardware, &u.lacks)).collect()
 }
 
 /// Whether a GPU can be opened; its kernels are not compiled.
@@ -151,8 +163,14 @@ fn opens(gpu: &Gpu) -> Result<()> {
 }
 
 #[cfg(feature = "gpu")]
-fn open_gpu(name: &str) -> Result<Box<dyn Backend>> {
-    Ok(Box::new(open_gpu_backend(name)?))
+fn open_gpu(gpu: &Gpu) -> Result<Box<dyn Backend>> {
+    Ok(Box::new(gpu_backend(gpu)?))
+}
+
+#[cfg(feature = "gpu")]
+fn gpu_backend(gpu: &Gpu) -> Result<crate::gpu::GpuBackend> {
+    use crate::gpu::{GpuBackend, GpuDevice, GpuOptions, LimitChoice};
+    GpuBackend::new(GpuDevice::open(gpu, LimitChoice::Adapter)?, GpuOptions::default())
 }
 
 /// Opens a GPU by name, for measurements that the trait [`Backend`] does not offer.
@@ -161,7 +179,6 @@ fn open_gpu(name: &str) -> Result<Box<dyn Backend>> {
 /// As [`open()`]; [`crate::Error::Usage`] for the CPU.
 #[cfg(feature = "gpu")]
 pub fn open_gpu_backend(name: &str) -> Result<crate::gpu::GpuBackend> {
-    use crate::gpu::{GpuBackend, GpuDevice, GpuOptions, LimitChoice, find_adapter};
     let name = match name.to_lowercase().as_str() {
         "auto" => "gpu",
         "cpu" => {
@@ -172,8 +189,7 @@ pub fn open_gpu_backend(name: &str) -> Result<crate::gpu::GpuBackend> {
         }
         _ => name,
     };
-    let device = GpuDevice::open(&find_adapter(name)?, LimitChoice::Adapter)?;
-    GpuBackend::new(device, GpuOptions::default())
+    gpu_backend(find_gpu(name)?)
 }
 
 /// A GPU, of which a build without the feature `gpu` has none.
@@ -186,8 +202,20 @@ struct Gpu {
 }
 
 #[cfg(not(feature = "gpu"))]
-fn gpus() -> Vec<Gpu> {
-    Vec::new()
+fn gpus() -> &'static [Gpu] {
+    &[]
+}
+
+#[cfg(not(feature = "gpu"))]
+fn find_gpu(name: &str) -> Result<&'static Gpu> {
+    Err(no_device_of_this_build(name))
+}
+
+#[cfg(not(feature = "gpu"))]
+fn no_device_of_this_build(name: &str) -> Error {
+    let what =
+        "is not a device of this build, which was compiled without GPU support; expected \"auto\" or \"cpu\"";
+    Error::unsupported("--device", format!("{name:?} {what}"))
 }
 
 #[cfg(not(feature = "gpu"))]
@@ -201,13 +229,8 @@ fn opens(_gpu: &Gpu) -> Result<()> {
 }
 
 #[cfg(not(feature = "gpu"))]
-fn open_gpu(name: &str) -> Result<Box<dyn Backend>> {
-    Err(Error::unsupported(
-        "--device",
-        format!(
-            "{name:?} is not a device of this build, which was compiled without GPU support; expected \"auto\" or \"cpu\""
-        ),
-    ))
+fn open_gpu(gpu: &Gpu) -> Result<Box<dyn Backend>> {
+    Err(no_device_of_this_build(&gpu.name))
 }
 
 #[cfg(all(test, feature = "gpu"))]
@@ -216,16 +239,16 @@ mod tests {
     use crate::Error;
 
     fn of_this_machine(name: &str, hardware: bool) -> Option<Gpu> {
-        let mut gpu = gpus().into_iter().next()?;
+        let mut gpu = gpus().first()?.clone();
         gpu.software = (!hardware).then(|| "by its name".to_owned());
         (gpu.name, gpu.hardware) = (name.to_owned(), hardware);
         Some(gpu)
     }
 
-    fn refuses(names: &'static [&'static str]) -> impl Fn(&str) -> Result<String> {
-        move |name| match names.contains(&name) {
-            true => Err(Error::Device(format!("{name}: cannot be opened"))),
-            false => Ok(name.to_owned()),
+    fn refuses(names: &'static [&'static str]) -> impl Fn(&Gpu) -> Result<String> {
+        move |gpu| match names.contains(&gpu.name.as_str()) {
+            true => Err(Error::Device(format!("{}: cannot be opened", gpu.name))),
+            false => Ok(gpu.name.clone()),
         }
     }
 
@@ -242,13 +265,14 @@ mod tests {
             [(&[][..], Some("first"), 0), (&["first"], Some("second"), 1), (&["first", "second"], None, 2)]
         {
             let mut said = Vec::new();
-            let opened = first_that_opens(&gpus, refuses(refused), |m| said.push(m.to_owned()));
+            let opened =
+                first_that_opens(&[&gpus[0], &gpus[1]], refuses(refused), |m| said.push(m.to_owned()));
             assert_eq!((opened.as_deref(), said.len()), (taken, warnings), "{said:?}");
             assert!(said.last().is_none_or(|m| m.contains("cannot be opened")));
             // The list agrees with what `auto` does.
             let all = [&gpus[..], std::slice::from_ref(&software)].concat();
             let cpu = DeviceInfo { name: "cpu".into(), description: String::new() };
-            let list = listed(&all, cpu, |gpu| refuses(refused)(&gpu.name).map(drop));
+            let list = listed(&all, cpu, |gpu| refuses(refused)(gpu).map(drop));
             let autos: Vec<&str> = list.iter().filter(|d| d.auto).map(|d| d.name.as_str()).collect();
             assert_eq!(autos, [taken.unwrap_or("cpu")]);
             assert_eq!(list.last().unwrap().name, "software");

@@ -45,52 +45,98 @@ fn all_adapters() -> Vec<wgpu::Adapter> {
     pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()))
 }
 
-fn lacks_of(adapter: &wgpu::Adapter) -> Vec<String> {
-    lacks(adapter.get_downlevel_capabilities().flags, &adapter.limits())
-}
-
 fn describe(info: &wgpu::AdapterInfo) -> String {
     let driver = [info.driver.as_str(), info.driver_info.as_str()].join(" ");
     format!("{}, {}, {:?}", info.name, driver.trim(), info.backend)
 }
 
-/// Adapters that cannot run the kernels, and why.
-pub fn unfit_adapters() -> Vec<UnfitAdapter> {
-    let unfit = all_adapters().into_iter().filter_map(|adapter| {
-        let (info, lacks) = (adapter.get_info(), lacks_of(&adapter));
-        let unfit = UnfitAdapter {
-            name: short_name(&info.name),
-            description: describe(&info),
-            hardware: software(info.device_type, &[&info.name, &info.driver, &info.driver_info]).is_none(),
-            lacks: lacks.join(", "),
-        };
-        (!lacks.is_empty()).then_some(unfit)
-    });
-    unfit.collect()
+/// The adapters of the machine at one moment. Enumerating them makes every installed driver speak up, so a program does it
+/// once.
+#[derive(Clone, Debug)]
+pub struct Adapters {
+    /// Those that can run the kernels, best first: discrete, integrated, virtual and other GPUs, then software.
+    pub usable: Vec<AdapterChoice>,
+    /// Those that cannot.
+    pub unfit: Vec<UnfitAdapter>,
 }
 
-/// All adapters that can run the kernels, best first: discrete, integrated, virtual and other GPUs, then software.
-pub fn list_adapters() -> Vec<AdapterChoice> {
-    let mut adapters = all_adapters();
-    adapters.retain(|adapter| lacks_of(adapter).is_empty());
-    adapters.sort_by_key(|a| rank(&a.get_info()));
-    let mut out: Vec<AdapterChoice> = Vec::new();
-    for adapter in adapters {
-        let info = adapter.get_info();
-        let base = short_name(&info.name);
-        let same = out.iter().filter(|o| o.name == base || o.name.starts_with(&format!("{base}#"))).count();
-        let name = if same == 0 { base } else { format!("{base}#{}", same + 1) };
-        let driver = [info.driver.as_str(), info.driver_info.as_str()].join(" ");
-        let software = software(info.device_type, &[&info.name, &driver]);
-        out.push(AdapterChoice {
-            name,
-            description: describe(&info),
-            hardware: software.is_none(),
-            software,
-            adapter,
-        });
+impl Adapters {
+    /// Loads the graphics drivers and asks them for their adapters.
+    pub fn enumerate() -> Self {
+        let mut adapters = all_adapters();
+        adapters.sort_by_key(|a| rank(&a.get_info()));
+        let mut out = Self { usable: Vec::new(), unfit: Vec::new() };
+        for adapter in adapters {
+            let info = adapter.get_info();
+            let lacks = lacks(adapter.get_downlevel_capabilities().flags, &adapter.limits());
+            let (name, description) = (short_name(&info.name), describe(&info));
+            let software = software(info.device_type, &[&info.name, &info.driver, &info.driver_info]);
+            let hardware = software.is_none();
+            if lacks.is_empty() {
+                let name = out.numbered(name);
+                out.usable.push(AdapterChoice { name, description, hardware, software, adapter });
+            } else {
+                out.unfit.push(UnfitAdapter { name, description, hardware, lacks: lacks.join(", ") });
+            }
+        }
+        out
     }
-    out
+
+    /// The name, with a number if usable adapters have it already.
+    fn numbered(&self, name: String) -> String {
+        let of_same_name = |a: &&AdapterChoice| a.name == name || a.name.starts_with(&format!("{name}#"));
+        match self.usable.iter().filter(of_same_name).count() {
+            0 => name,
+            same => format!("{name}#{}", same + 1),
+        }
+    }
+
+    /// Finds an adapter by name: `gpu` selects the first hardware adapter, any other name the adapter of that name, or
+    /// the only one whose name contains it.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`], listing the available adapters; [`Error::Usage`] for an empty name.
+    pub fn find(&self, name: &str) -> Result<&AdapterChoice> {
+        // An empty name, as from an unset variable in a script, is contained in every name.
+        if name.trim().is_empty() {
+            let known = "a name that \"litetex devices\" lists, \"auto\", \"cpu\" or \"gpu\"";
+            return Err(Error::Usage(format!("--device: found an empty name, expected {known}")));
+        }
+        let wanted = name.to_lowercase();
+        let found = if wanted == "gpu" {
+            self.usable.iter().find(|a| a.hardware)
+        } else {
+            let exact = self.usable.iter().find(|a| a.name == wanted);
+            let mut partial = self.usable.iter().filter(|a| a.name.contains(&wanted));
+            exact.or_else(|| partial.next().filter(|_| partial.next().is_none()))
+        };
+        found.ok_or_else(|| Error::unsupported("--device", self.why_not_found(name, &wanted)))
+    }
+
+    fn why_not_found(&self, name: &str, wanted: &str) -> String {
+        let known: Vec<String> = self.usable.iter().map(|a| format!("{:?}", a.name)).collect();
+        let what = match (wanted, known.as_slice()) {
+            ("gpu", []) => "no GPU and no graphics driver was found; use \"cpu\"".to_owned(),
+            ("gpu", known) => {
+                let known = known.join(", ");
+                format!("no hardware GPU was found; use \"cpu\", or name a software driver: {known}")
+            }
+            (_, []) => {
+                format!(
+                    "no device is named {name:?}, and no graphics driver was found; use \"auto\" or \"cpu\""
+                )
+            }
+            (_, known) => format!(
+                "{name:?} matches no device, or more than one; expected \"auto\", \"cpu\", \"gpu\" or one of {}; see \
+                 \"litetex devices\"",
+                known.join(", ")
+            ),
+        };
+        // Explains adapters that match but are unfit.
+        let matches = |u: &&UnfitAdapter| wanted == "gpu" || u.name.contains(wanted);
+        let unfit = self.unfit.iter().filter(matches);
+        what + &unfit.map(|u| format!("; {:?} cannot be used: {}", u.name, u.lacks)).collect::<String>()
+    }
 }
 
 /// Without validation of indirect dispatches: only our own kernels write their sizes, and validating each one would
@@ -175,53 +221,6 @@ fn short_name(name: &str) -> String {
     plain.split_whitespace().collect::<Vec<_>>().join("-")
 }
 
-/// Finds an adapter by name: `gpu` selects the first hardware adapter, any other name the adapter of that name, or
-/// the only one whose name contains it.
-///
-/// # Errors
-/// [`Error::Unsupported`], listing the available adapters; [`Error::Usage`] for an empty name.
-pub fn find_adapter(name: &str) -> Result<AdapterChoice> {
-    // An empty name, as from an unset variable in a script, is contained in every name.
-    if name.trim().is_empty() {
-        let known = "a name that \"litetex devices\" lists, \"auto\", \"cpu\" or \"gpu\"";
-        return Err(Error::Usage(format!("--device: found an empty name, expected {known}")));
-    }
-    let all = list_adapters();
-    let wanted = name.to_lowercase();
-    let found = if wanted == "gpu" {
-        all.iter().find(|a| a.hardware)
-    } else {
-        let exact = all.iter().find(|a| a.name == wanted);
-        let mut partial = all.iter().filter(|a| a.name.contains(&wanted));
-        exact.or_else(|| partial.next().filter(|_| partial.next().is_none()))
-    };
-    if let Some(found) = found {
-        return Ok(found.clone());
-    }
-    // Explains adapters that match but are unfit.
-    let unfit = unfit_adapters();
-    let matches = |u: &&UnfitAdapter| wanted == "gpu" || u.name.contains(&wanted);
-    let unfit: Vec<String> =
-        unfit.iter().filter(matches).map(|u| format!("; {:?} cannot be used: {}", u.name, u.lacks)).collect();
-    let unfit = unfit.concat();
-    let known: Vec<String> = all.iter().map(|a| format!("{:?}", a.name)).collect();
-    let what = match (wanted.as_str(), known.as_slice()) {
-        ("gpu", []) => "no GPU and no graphics driver was found; use \"cpu\"".to_owned(),
-        ("gpu", known) => {
-            format!("no hardware GPU was found; use \"cpu\", or name a software driver: {}", known.join(", "))
-        }
-        (_, []) => {
-            format!("no device is named {name:?}, and no graphics driver was found; use \"auto\" or \"cpu\"")
-        }
-        (_, known) => format!(
-            "{name:?} matches no device, or more than one; expected \"auto\", \"cpu\", \"gpu\" or one of {}; see \
-             \"litetex devices\"",
-            known.join(", ")
-        ),
-    };
-    Err(Error::unsupported("--device", what + &unfit))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -253,8 +252,9 @@ mod tests {
 
     #[test]
     fn an_empty_name_is_a_usage_error() {
+        let none = Adapters { usable: Vec::new(), unfit: Vec::new() };
         for name in ["", "  "] {
-            let error = find_adapter(name).unwrap_err();
+            let error = none.find(name).unwrap_err();
             assert!(matches!(error, Error::Usage(_)), "{error}");
         }
     }

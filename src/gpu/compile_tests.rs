@@ -1,6 +1,6 @@
 //! Every kernel compiles on every installed driver, within enforced limits.
 
-use super::adapter::list_adapters;
+use super::adapter::Adapters;
 use super::device::{GpuDevice, LimitChoice};
 use super::kernels::KERNELS;
 use super::shader::HALF_TILES;
@@ -8,7 +8,7 @@ use crate::Error;
 
 #[test]
 fn every_kernel_compiles_within_the_minimum_limits() {
-    let adapters = list_adapters();
+    let adapters = Adapters::enumerate().usable;
     if adapters.is_empty() {
         println!("skipped: no Vulkan driver is installed");
     }
@@ -26,7 +26,7 @@ fn every_kernel_compiles_within_the_minimum_limits() {
 
 #[test]
 fn the_minimum_limits_are_enforced() {
-    for choice in list_adapters() {
+    for choice in Adapters::enumerate().usable {
         let device = GpuDevice::open(&choice, LimitChoice::Downlevel).unwrap();
         let granted = device.device.limits();
         assert_eq!(granted.max_storage_buffers_per_shader_stage, 8);

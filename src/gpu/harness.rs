@@ -1,6 +1,6 @@
 //! Harness for tests of single kernels: an open device whose buffers are filled by hand.
 
-use super::adapter::{AdapterChoice, list_adapters};
+use super::adapter::{AdapterChoice, Adapters};
 use super::device::{GpuDevice, LimitChoice, Pipeline, UNIFORM_STRIDE};
 use super::encode::{Dispatch, encode};
 use super::kernels::{Buf, Groups, KernelId, NUM_GROUPS};
@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 /// All software drivers, lavapipe first; without any, the first adapter; without any adapter, prints that the test
 /// is skipped. `LITETEX_REQUIRE_GPU` is the number of software drivers that must exist.
 pub(super) fn test_drivers() -> Vec<AdapterChoice> {
-    let adapters = list_adapters();
+    let adapters = Adapters::enumerate().usable;
     let mut software: Vec<_> = adapters.iter().filter(|a| !a.hardware).cloned().collect();
     software.sort_by_key(|a| a.name != "lavapipe");
     let required = std::env::var("LITETEX_REQUIRE_GPU").ok().and_then(|n| n.parse().ok()).unwrap_or(0);

@@ -42,7 +42,7 @@ mod uniform;
 mod view_buffers;
 mod web;
 
-pub use adapter::{AdapterChoice, UnfitAdapter, find_adapter, list_adapters, unfit_adapters};
+pub use adapter::{AdapterChoice, Adapters, UnfitAdapter};
 pub use device::{DeviceWork, GpuDevice, LimitChoice};
 pub use shader::ExpandedShader;
 pub use state::{GpuBackend, GpuOptions};

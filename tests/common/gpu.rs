@@ -1,11 +1,11 @@
 //! Backends on the installed software drivers.
 
-use litetex_gs::gpu::{AdapterChoice, GpuBackend, GpuDevice, GpuOptions, LimitChoice, list_adapters};
+use litetex_gs::gpu::{AdapterChoice, Adapters, GpuBackend, GpuDevice, GpuOptions, LimitChoice};
 
 /// All software drivers; without any, prints that the test is skipped. `LITETEX_REQUIRE_GPU` is the number that must
 /// exist.
 pub fn drivers() -> Vec<AdapterChoice> {
-    let mut software: Vec<_> = list_adapters().into_iter().filter(|a| !a.hardware).collect();
+    let mut software: Vec<_> = Adapters::enumerate().usable.into_iter().filter(|a| !a.hardware).collect();
     // The faster one first, for tests that use only one.
     software.sort_by_key(|a| a.name != "lavapipe");
     let required = std::env::var("LITETEX_REQUIRE_GPU").ok().and_then(|n| n.parse().ok()).unwrap_or(0);

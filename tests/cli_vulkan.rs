@@ -1,0 +1,57 @@
+//! Commands that open no GPU do not load the graphics loader, which takes time and prints complaints of drivers. What
+//! glibc looks for is seen in its debug output, with and without a loader on the machine.
+#![cfg(all(feature = "gpu", target_os = "linux", target_env = "gnu"))]
+#![allow(clippy::unwrap_used, reason = "a failing test may panic")]
+
+use assert_cmd::Command;
+use std::path::Path;
+
+/// Whether a command, which must succeed, and its processes look for the Vulkan loader.
+fn looks_for_vulkan(folder: &Path, command: &str) -> bool {
+    let traces = tempfile::tempdir().unwrap();
+    let output = Command::cargo_bin("litetex")
+        .unwrap()
+        .args(command.split(' '))
+        .current_dir(folder)
+        .env("LD_DEBUG", "libs")
+        .env("LD_DEBUG_OUTPUT", traces.path().join("trace"))
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{command}: {}", String::from_utf8_lossy(&output.stderr));
+    let traces = std::fs::read_dir(traces.path())
+        .unwrap()
+        .map(|t| std::fs::read_to_string(t.unwrap().path()).unwrap());
+    let traces: String = traces.collect();
+    assert!(
+        traces.contains("find library=libc.so"),
+        "{command}: glibc traces the libraries that it looks for"
+    );
+    traces.contains("find library=libvulkan")
+}
+
+#[test]
+fn commands_that_open_no_gpu_look_for_no_vulkan() {
+    let folder = tempfile::tempdir().unwrap();
+    for command in [
+        "--help",
+        "completions bash",
+        "sample capture --views 9 --size 64x48 --points 300 --no-truth",
+        "schedule capture",
+        "train capture -o run --steps 3 --device cpu",
+        "eval run --device cpu",
+        "render run --test -o images --device cpu",
+        "inspect run",
+        "export run -o model.ltgs --device cpu",
+        "export run -o model.ply --no-verify",
+        "convert model.ltgs model.glb --device cpu",
+        "inspect model.glb",
+        "validate model.glb",
+        "compare model.ltgs model.glb --device cpu",
+        "verify model.glb --against run --device cpu",
+        "selftest --device cpu",
+    ] {
+        assert!(!looks_for_vulkan(folder.path(), command), "{command}");
+    }
+    // Negative control.
+    assert!(looks_for_vulkan(folder.path(), "devices"));
+}
