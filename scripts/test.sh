@@ -2,9 +2,9 @@
 # Every check that must pass before a change is merged: formatting, lints, licences, documentation, tests, the web package
 # (scripts/web.sh), and third-party validation of exported files (scripts/third-party.sh). Ends with the total of all tests.
 #
-# Needs a Rust tool chain (rustup) and a C++ compiler (for the FLIP metric), and installs the rest if it can. The tests of
-# the GPU backend run on software drivers: Mesa's lavapipe, and the SwiftShader that ships with Chromium. Without a driver
-# they print that they are skipped.
+# Needs a Rust tool chain (rustup) and a C compiler, and installs the rest if it can. The tests of the GPU
+# backend run on software drivers: Mesa's lavapipe, and the SwiftShader that ships with Chromium. Without a driver they
+# print that they are skipped.
 #
 #   scripts/test.sh [--quick]
 #
@@ -42,8 +42,8 @@ install() { # install PACKAGE...: as root, where there is apt-get
     fi
     apt-get update && apt-get install -y --no-install-recommends "$@"
 }
-if ! command -v "${CXX:-c++}" >/dev/null; then
-    install g++ || fail "no C++ compiler (c++): install g++ or clang"
+if ! command -v "${CC:-cc}" >/dev/null; then
+    install gcc || fail "no C compiler (cc): install gcc or clang"
 fi
 cargo --version
 

@@ -41,7 +41,7 @@ const ANALYSIS_BYTES_PER_PIXEL: u64 = 56;
 /// Views evaluated at once, and bytes per pixel of each: colour and alpha in f32.
 const EVALUATED_VIEWS: u64 = 4;
 const RENDERED_BYTES_PER_PIXEL: u64 = 16;
-/// Bytes per pixel and thread while a view is compared with its photo: SSIM's moments in f64, FLIP's images.
+/// Bytes per pixel and thread while a view is compared with its photo: both images, SSIM's moments in f64.
 const QUALITY_BYTES_PER_PIXEL: u64 = 80;
 
 /// Reduced copies of the photos are kept up to this size (`train::targets`).
