@@ -50,7 +50,7 @@ fn describe(info: &wgpu::AdapterInfo) -> String {
     format!("{}, {}, {:?}", info.name, driver.trim(), info.backend)
 }
 
-/// The adapters of the machine at one moment. Enumerating them makes every installed driver speak up, so a program does it
+/// The adapters of the machine at one moment. Enumerating them loads all drivers, some of which complain, so a program does it
 /// once.
 #[derive(Clone, Debug)]
 pub struct Adapters {
