@@ -16,9 +16,9 @@ count() { # count NAME PATHSPEC...: tracked files of code
 count "product: src" 'src/*.rs'
 count "product: exporters/src" 'exporters/src/*.rs'
 count "product: shaders" 'shaders/*.wgsl'
-count "lab" 'lab/*.rs' 'lab/*.py' 'lab/*.sh'
-count "product and lab" 'src/*.rs' 'exporters/src/*.rs' 'shaders/*.wgsl' 'lab/*.rs' 'lab/*.py' 'lab/*.sh'
-count "tests, benches, examples" 'tests/*.rs' 'benches/*.rs' 'examples/*.rs' 'exporters/tests/*.rs' 'exporters/examples/*.rs' \
+count "lab" 'lab/src/*.rs' 'lab/*.py' 'lab/*.sh'
+count "product and lab" 'src/*.rs' 'exporters/src/*.rs' 'shaders/*.wgsl' 'lab/src/*.rs' 'lab/*.py' 'lab/*.sh'
+count "tests, benches, examples" 'tests/*.rs' 'lab/tests/*.rs' 'benches/*.rs' 'examples/*.rs' 'exporters/tests/*.rs' 'exporters/examples/*.rs' \
     'exporters/fuzz/*.rs'
 count "web" 'web/*.ts' 'web/*.mjs' 'web/*.glsl' ':!web/package-lock.json'
 count "scripts" 'scripts/*.sh' 'scripts/*.py' 'scripts/*.mjs' 'scripts/device-kit'

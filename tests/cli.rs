@@ -33,7 +33,7 @@ fn the_documentation_lists_the_commands_as_the_help_does() {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/commands.md");
     let text = std::fs::read_to_string(file).unwrap();
     let commands = commands_of_help();
-    assert_eq!(commands.len(), 17, "{commands:?}");
+    assert_eq!(commands.len(), 16, "{commands:?}");
     let section = text.split("## `litetex`\n").nth(1).unwrap().split("## ").next().unwrap();
     let rows: Vec<(String, String)> = section
         .lines()
@@ -67,7 +67,7 @@ fn completions_and_manual_pages_have_text() {
     assert_eq!(run(&["man", "--out", folder.to_str().unwrap()]).0, 0);
     let train = std::fs::read_to_string(folder.join("litetex-train.1")).unwrap();
     assert!(train.contains("max\\-resolution"), "{train}");
-    assert_eq!(std::fs::read_dir(folder).unwrap().count(), 19); // 20 commands, help, litetex
+    assert_eq!(std::fs::read_dir(folder).unwrap().count(), 18); // 16 commands, help, litetex
 }
 
 #[test]
@@ -80,15 +80,15 @@ fn usage_errors_exit_with_2_and_say_what_to_do() {
         (&["train", here], "-o <RUN>"),
         (&["train", "-o", "x"], "<CAPTURE>"),
         (&["train", here, "-o", "x", "--texture", "fixed:1"], "fixed:R"),
-        (&["train", here, "-o", "x", "--sh-degree", "4"], "0..=3"),
+        (&["train", here, "-o", "x", "--set", "sh-degree=4"], "train.sh-degree: found 4"),
         (&["train", here, "-o", "x", "--steps", "0"], "--steps"),
         (&["train", here, "-o", "x", "--max-time", "soon"], "20m"),
         (&["train", here, "-o", "x", "--background", "mauve"], "#rrggbb"),
         (&["train", here, "-o", "x", "--init", "magic"], "random:COUNT"),
         (&["train", here, "-o", "x", "--init", "random:10000001"], "10,000,000"),
-        (&["train", here, "-o", "x", "--max-resolution", "15"], "16..=65536"),
-        (&["train", here, "-o", "x", "--format", "fbx"], "reality-capture"),
-        (&["train", here, "-o", "x", "--image-cache", "big"], "4GiB"),
+        (&["train", here, "-o", "x", "--max-resolution", "15"], "expected a whole number from 16 to 65536"),
+        (&["inspect", here, "--format", "fbx"], "reality-capture"),
+        (&["inspect", here, "--image-cache", "big"], "4GiB"),
         (&["train", here, "--resume"], "--out"),
         (&["render", here, "-o", "x"], "--orbit"),
         (&["render", here, "-o", "x", "--test", "--orbit", "3"], "--orbit"),
@@ -146,6 +146,63 @@ fn wrong_input_exits_with_3_and_leaves_no_run_behind() {
         }
     }
     assert!(!Path::new(&run_dir).exists());
+}
+
+#[test]
+fn every_command_leaves_by_the_same_door() {
+    let dir = tempfile::tempdir().unwrap();
+    let capture = sample(dir.path());
+    for (name, _) in commands_of_help() {
+        let (code, stdout, stderr) = run(&[&name, "--no-such-option"]);
+        assert!(code == 2 && stdout.is_empty(), "{name}: {code} {stdout}");
+        assert!(stderr.starts_with("error: unexpected argument '--no-such-option'"), "{name}: {stderr}");
+    }
+    let out = dir.path().join("x").to_str().unwrap().to_owned();
+    for command in [
+        "train /nowhere -o OUT",
+        "eval /nowhere",
+        "render /nowhere --test -o OUT",
+        "export /nowhere -o OUT.glb",
+        "convert /nowhere.glb OUT.glb",
+        "verify /nowhere.glb --against /nowhere",
+        "validate /nowhere.glb",
+        "compare /nowhere /nowhere",
+        "inspect /nowhere",
+        "view /nowhere --no-open",
+        "schedule /nowhere",
+    ] {
+        let command = command.replace("OUT", &out);
+        let mut words: Vec<&str> = command.split(' ').collect();
+        words.extend(["--json", "--log-format", "json"]);
+        let (code, stdout, stderr) = run(&words);
+        assert!(code == 3 && stdout.is_empty(), "{command}: {code} {stdout}{stderr}");
+        let error: serde_json::Value = serde_json::from_str(stderr.trim()).unwrap();
+        assert_eq!(error["event"], "error", "{command}");
+        assert!(error["message"].as_str().unwrap().starts_with("/nowhere"), "{command}: {error}");
+    }
+    for (command, schema) in [
+        ("sample OUT --views 3 --size 16x16 --no-truth", "litetex-sample/1"),
+        ("inspect CAPTURE", "litetex-inspect/1"),
+        ("schedule CAPTURE", "litetex-schedule/1"),
+        ("devices", "litetex-devices/1"),
+        ("selftest --device cpu", "litetex-selftest/1"),
+        ("man -o OUT/man", "litetex-man/1"),
+        ("train CAPTURE -o OUT/run --steps 3 --device cpu", "litetex-summary/4"),
+        ("eval OUT/run --device cpu", "litetex-eval/1"),
+        ("export OUT/run OUT/a.glb --device cpu", "litetex-export/1"),
+        ("verify OUT/a.glb --against OUT/run --device cpu", "litetex-verify/1"),
+        ("validate OUT/a.glb", "litetex-validate/1"),
+        ("render OUT/a.glb --test -o OUT/views --device cpu", "litetex-render/1"),
+        ("compare OUT/a.glb OUT/run --device cpu", "litetex-compare/1"),
+    ] {
+        let command = command.replace("OUT", &out).replace("CAPTURE", &capture);
+        let mut words: Vec<&str> = command.split(' ').collect();
+        words.extend(["--json", "-q"]);
+        let (code, stdout, stderr) = run(&words);
+        assert_eq!(code, 0, "{command}: {stderr}");
+        let report: serde_json::Value = serde_json::from_str(&stdout).unwrap();
+        assert_eq!(report["schema"], schema, "{command}");
+    }
 }
 
 #[test]
@@ -237,8 +294,8 @@ fn devices_are_listed() {
     assert!(code == 0 && text.starts_with("cpu"), "{text}");
     let (_, json, _) = run(&["devices", "--json", "--threads", "2"]);
     let value: serde_json::Value = serde_json::from_str(&json).unwrap();
-    assert_eq!(value[0]["name"], "cpu");
-    assert!(value[0]["description"].as_str().unwrap().contains("2 threads"), "{json}");
+    assert_eq!(value["devices"][0]["name"], "cpu");
+    assert!(value["devices"][0]["description"].as_str().unwrap().contains("2 threads"), "{json}");
 }
 
 fn sample(dir: &Path) -> String {
@@ -330,7 +387,7 @@ fn invalid_numbers_are_refused_by_the_options_own_message() {
         ),
         (&["train", "x", "-o", "y", "--test-every", "x"], "'x' for '--test-every <N>': expected a whole"),
         (&["train", "x", "-o", "y", "--steps", "-5"], "'-5' for '--steps <N>'"),
-        (&["train", "x", "-o", "y", "--max-splats", "-5"], "5000, 500k or 1.5M"),
+        (&["train", "x", "-o", "y", "--budget-params", "-5"], "5000, 500k or 1.5M"),
         (&["sample", "x", "--seed", "-1"], "'-1' for '--seed <N>': expected a whole number"),
         (&["sample", "x", "--views", "-3"], "'-3' for '--views <N>': expected a whole number"),
         (&["sample", "x", "--points", "1.5"], "'1.5' for '--points <N>': expected a whole number"),

@@ -67,7 +67,7 @@ fn a_truncated_held_out_photo_is_refused_before_training() {
 fn a_photo_that_breaks_during_training_loses_no_progress() {
     let (_folder, capture) = capture();
     let run = capture.with_file_name("run");
-    let mut training = train(&capture, &["--steps", "1200", "--image-cache", "1KiB"]);
+    let mut training = train(&capture, &["--steps", "1200", "--set", "capture.image-cache-bytes=1024"]);
     let training = training.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     let started = Instant::now();
     // The photos have been checked when the run's folder is there.

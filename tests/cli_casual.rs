@@ -64,7 +64,7 @@ fn an_opaque_alpha_channel_leaves_the_backdrop_and_transparency_removes_it_with_
     let cut_out = train(dir.path(), "cut-out", &["--steps", "1"]);
     assert!(splats(&cut_out) < splats(&rgb), "negative control: {} splats", splats(&cut_out));
     assert!(warning(&cut_out, "no-backdrop").unwrap().contains("transparent"));
-    let unwanted = train(dir.path(), "unwanted", &["--steps", "1", "--backdrop", "none"]);
+    let unwanted = train(dir.path(), "unwanted", &["--steps", "1", "--set", "backdrop=none"]);
     assert_eq!(warning(&unwanted, "no-backdrop"), None);
 }
 
@@ -73,7 +73,7 @@ fn without_test_views_the_training_views_are_judged() {
     let dir = tempdir().unwrap();
     sample(dir.path(), &["--views", "9", "--stress", "sky"]);
     // Grey, so that splats need not cover a sky that the background already shows in part.
-    let all = ["--test-every", "0", "--init", "sfm", "--backdrop", "none", "--background", "#808080"];
+    let all = ["--test-every", "0", "--init", "sfm", "--set", "backdrop=none", "--background", "#808080"];
     let bare = train(dir.path(), "bare", &[&all[..], &["--steps", "200"]].concat());
     assert_eq!(warning(&bare, "no-test-figures"), None);
     let message = warning(&bare, "uncovered-pixels").unwrap();

@@ -25,8 +25,8 @@ fn run_folder() -> &'static Path {
             "--device",
             "cpu",
             "-q",
-            "--max-points",
-            "400",
+            "--set",
+            "max-points=400",
             "--export",
             text(&folder.path().join("trained.glb")),
             "--export",
@@ -246,7 +246,7 @@ fn spz_files_take_the_version_the_bits_and_the_cameras_asked_for() {
     println!("{psnrs:.2?} dB");
     assert!(psnrs[0] <= psnrs[1] && psnrs[1] <= psnrs[2]);
     let (code, message) = bad(&["export", text(run), "-o", text(&at("no.spz")), "--spz-version", "2"]);
-    assert!(code == 2 && message.contains("3..=4") && !at("no.spz").exists(), "{message}");
+    assert!(code == 2 && message.contains("from 3 to 4") && !at("no.spz").exists(), "{message}");
 }
 
 #[test]
@@ -597,15 +597,13 @@ fn quality_is_refused_or_reported_as_ignored_where_it_does_not_apply() {
 }
 
 #[test]
-fn convert_accepts_the_output_flag_of_export() {
+fn files_to_write_are_given_with_the_flag_or_behind_the_source() {
     let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
     let at = |name: &str| folder.path().join(name);
     good(&["export", text(run), "-o", text(&at("a.glb")), "--no-verify"]);
     good(&["convert", text(&at("a.glb")), "-o", text(&at("b.ply")), "--no-verify"]);
     good(&["convert", text(&at("a.glb")), text(&at("c.ply")), "--no-verify"]);
     assert_eq!(std::fs::read(at("b.ply")).unwrap(), std::fs::read(at("c.ply")).unwrap());
-    for arguments in [&[][..], &[text(&at("d.ply")), "-o", text(&at("e.ply"))]] {
-        let (code, message) = bad(&[&["convert", text(&at("a.glb"))], arguments].concat());
-        assert!(code == 2 && message.contains("OUT"), "{message}");
-    }
+    let (code, message) = bad(&["convert", text(&at("a.glb"))]);
+    assert!(code == 2 && message.contains("<FILE>"), "{message}");
 }

@@ -38,7 +38,7 @@ impl Place {
     fn live(&self, run: &str, steps: &str, more: &[&str]) -> Page {
         let (capture, run) = (self.at("capture"), self.at(run));
         let args = ["train", text(&capture), "-o", text(&run), "--device", "cpu", "--steps", steps];
-        Page::start(&[&args[..], &["--view", "--no-open"], more].concat())
+        Page::start(&[&args[..], &["--view=no-open"], more].concat())
     }
 }
 

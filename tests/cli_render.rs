@@ -134,7 +134,7 @@ fn an_asset_is_rendered_from_its_captures_cameras() {
     let (capture, run) = (path("capture"), path("run"));
     ok(&["sample", &capture, "--views", "9", "--size", "64x48", "--points", "300", "--no-truth", "-q"]);
     // PLY knows no filter.
-    let settings = ["--policy", "plain", "--filter", "none", "--steps", "40", "--device", "cpu", "-q"];
+    let settings = ["--policy", "plain", "--set", "filter=none", "--steps", "40", "--device", "cpu", "-q"];
     ok(&[&["train", &capture, "-o", &run][..], &settings].concat());
     ok(&["render", &run, "--test", "-o", &path("run-seen"), "--device", "cpu", "-q"]);
     // PLY knows neither frame nor cameras; its splats stand in the capture's frame, cameras in one of the loader.

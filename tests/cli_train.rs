@@ -79,7 +79,7 @@ fn pngs(folder: &str) -> Vec<PathBuf> {
 #[test]
 fn a_run_writes_what_the_schema_documents() {
     let place = Place::new();
-    let table = place.train("run", &["--steps", "30", "--eval-every", "10", "--save-every", "20"]);
+    let table = place.train("run", &["--steps", "30", "--eval-every", "10", "--set", "save-every=20"]);
     assert!(table.contains("test PSNR") && table.contains("splats"), "{table}");
     let summary = place.json("run/summary.json");
     assert_eq!(summary["schema"], "litetex-summary/4");
@@ -141,7 +141,7 @@ fn config_toml_repeats_a_run_byte_for_byte_with_any_number_of_threads() {
 #[test]
 fn a_resumed_run_equals_the_uninterrupted_one_byte_for_byte() {
     let place = Place::new();
-    place.train("whole", &["--steps", "25", "--save-every", "10"]);
+    place.train("whole", &["--steps", "25", "--set", "save-every=10"]);
     // As after a crash behind step 10: the run as it was then.
     let (whole, broken) = (place.path("whole"), place.path("broken"));
     fs::create_dir_all(Path::new(&broken).join("checkpoints")).unwrap();
@@ -161,7 +161,7 @@ fn a_resumed_run_equals_the_uninterrupted_one_byte_for_byte() {
     assert!(stderr.contains("new schedule"), "{stderr}");
     assert_eq!(place.json("longer/summary.json")["resumed"]["new_schedule"], true);
     // What cannot change is refused.
-    let (code, _, stderr) = run(&["train", "--resume", &broken, "--sh-degree", "1"]);
+    let (code, _, stderr) = run(&["train", "--resume", &broken, "--set", "sh-degree=1"]);
     assert_eq!(code, 2, "{stderr}");
 }
 
@@ -242,7 +242,7 @@ impl Running {
         let (capture, out) = (place.path("capture"), place.path(out));
         let child = std::process::Command::new(env!("CARGO_BIN_EXE_litetex"))
             .args(["train", &capture, "-o", &out, "--steps", "1000000", "--device", "cpu", "-q"])
-            .args(["--save-every", "5"])
+            .args(["--set", "save-every=5"])
             .stderr(std::process::Stdio::piped())
             .spawn()
             .unwrap();
@@ -372,8 +372,9 @@ fn invalid_settings_and_tight_budgets_are_named() {
         assert!(code == 2 && stderr.contains(part), "{code}: {stderr}");
     }
     assert!(!Path::new(&out).exists());
-    let (code, _, stderr) = run(&[&train[..], &["--max-splats", "10", "--max-texels", "5"]].concat());
-    assert!(code == 0 && stderr.contains("--max-texels 5 leaves room for 1 splat"), "{code}: {stderr}");
+    let (code, _, stderr) =
+        run(&[&train[..], &["--set", "budget.max-splats=10", "--set", "budget.max-texels=5"]].concat());
+    assert!(code == 0 && stderr.contains("budget.max-texels 5 leaves room for 1 splat"), "{code}: {stderr}");
     let summary = place.json("run/summary.json");
     let warnings = summary["warnings"].as_array().unwrap();
     assert!(warnings.iter().any(|w| w["code"] == "start-bounded-by-budget"), "{warnings:?}");
@@ -447,10 +448,10 @@ fn training_views_are_refused_as_test_views() {
 #[test]
 fn an_older_checkpoint_resumes_only_elsewhere_or_with_force() {
     let place = Place::new();
-    place.train("run", &["--steps", "9", "--save-every", "3", "--eval-every", "3"]);
+    place.train("run", &["--steps", "9", "--set", "save-every=3", "--eval-every", "3"]);
     let older = place.path("run/checkpoints/step-000003.safetensors");
     let (checkpoints, evaluations) = (place.path("run/checkpoints"), place.path("run/eval"));
-    let in_place = ["train", "--resume", &older, "--save-every", "0", "--eval-every", "0", "-q"];
+    let in_place = ["train", "--resume", &older, "--set", "save-every=0", "--eval-every", "0", "-q"];
     let (code, _, stderr) = run(&in_place);
     assert!(code == 2 && stderr.contains("--force") && stderr.contains("step-000009"), "{stderr}");
     assert_eq!((found(&checkpoints, "safetensors"), found(&evaluations, "0000")), (3, 3));
@@ -465,7 +466,7 @@ fn an_older_checkpoint_resumes_only_elsewhere_or_with_force() {
 #[test]
 fn a_checkpoint_with_a_relative_path_resumes_in_its_run() {
     let place = Place::new();
-    place.train("run", &["--steps", "9", "--save-every", "3", "--eval-every", "3"]);
+    place.train("run", &["--steps", "9", "--set", "save-every=3", "--eval-every", "3"]);
     let (run_dir, checkpoints) = (place.path("run"), place.path("run/checkpoints"));
     let first = place.path("run/checkpoints/step-000003.safetensors");
     let before = bytes_of(&first);
@@ -477,7 +478,7 @@ fn a_checkpoint_with_a_relative_path_resumes_in_its_run() {
         (&checkpoints, name, &[]),
         (&checkpoints, name, &["-o", ".."]),
     ] {
-        let resume = ["train", "--resume", checkpoint, "--save-every", "0", "--eval-every", "0", "-q"];
+        let resume = ["train", "--resume", checkpoint, "--set", "save-every=0", "--eval-every", "0", "-q"];
         let resume = [&resume[..], &["--device", "cpu"], out].concat();
         let (code, _, stderr) = run_in(folder, &resume);
         assert!(code == 2 && stderr.contains("step-000009"), "{resume:?}: {code} {stderr}");
@@ -501,7 +502,7 @@ fn a_checkpoint_with_a_relative_path_resumes_in_its_run() {
 #[test]
 fn a_run_is_replaced_or_resumed_without_the_images_of_others() {
     let place = Place::new();
-    place.train("run", &["--steps", "4", "--save-every", "2", "--eval-every", "2"]);
+    place.train("run", &["--steps", "4", "--set", "save-every=2", "--eval-every", "2"]);
     let names = [
         "run/eval/000004/comparison.png",
         "run/eval/000004/error/comparison.png",
@@ -579,12 +580,13 @@ fn a_budget_beyond_the_device_is_refused_with_counts_and_leaves_no_folder() {
     let place = Place::new();
     let (capture, out) = (place.path("capture"), place.path("run"));
     let train = |most: &str| {
-        run(&["train", &capture, "-o", &out, "--device", "CPU", "-q", "--steps", "2", "--max-splats", most])
+        let most = format!("budget.max-splats={most}");
+        run(&["train", &capture, "-o", &out, "--device", "CPU", "-q", "--steps", "2", "--set", &most])
     };
     // The CPU numbers SH coefficients with 32 bits, 48 floats for a splat of degree 3.
     let (code, _, stderr) = train("89478486");
     assert!(code == 5 && !Path::new(&out).exists(), "{code}: {stderr}");
-    assert!(stderr.contains("--max-splats allows 89478486 splats, at most 89478485 fit"), "{stderr}");
+    assert!(stderr.contains("budget.max-splats allows 89478486 splats, at most 89478485 fit"), "{stderr}");
     let (code, _, stderr) = train("89478485");
     assert!(code == 0 && Path::new(&out).exists(), "{code}: {stderr}");
 }

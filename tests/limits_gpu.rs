@@ -74,9 +74,9 @@ fn scenes_that_do_not_fit_are_refused_before_the_first_step() {
     is_refused(&config, &views, &many, &["1251 splats, at most 1250", "10008 texels, at most 7500"]);
     let bounded = |budget| TrainConfig { budget, ..config.clone() };
     let splats = bounded(Budget { max_splats: Some(1_251), ..Budget::default() });
-    is_refused(&splats, &views, &scene, &["--max-splats allows 1251 splats, at most 1250"]);
+    is_refused(&splats, &views, &scene, &["budget.max-splats allows 1251 splats, at most 1250"]);
     let texels = bounded(Budget { max_texels: Some(7_501), ..Budget::default() });
-    is_refused(&texels, &views, &scene, &["--max-texels allows 7501 texels, at most 7500"]);
+    is_refused(&texels, &views, &scene, &["budget.max-texels allows 7501 texels, at most 7500"]);
     let mut large = photos(&scene);
     large.0[3].0 = large.0[3].0.resized(70, 50);
     is_refused(

@@ -16,7 +16,7 @@ pub fn parse_named_args(text: &str) -> Result<NamedArgs, String> {
     };
     if name.trim().is_empty() || name.trim_start().starts_with('-') {
         return Err(format!(
-            "{text:?}: expected \"NAME: ARGUMENTS\", for example \"small: --policy fixed:4 --max-splats 5000\""
+            "{text:?}: expected \"NAME: ARGUMENTS\", for example \"small: --policy fixed:4 --budget-params 50k\""
         ));
     }
     Ok(NamedArgs { name: name.trim().to_owned(), args: split_words(args)? })

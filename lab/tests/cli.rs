@@ -101,10 +101,6 @@ fn foreign_folders_and_files_are_refused_before_anything_is_read() {
         let (code, _, stderr) = run(arguments);
         assert!(code == 2 && stderr.contains("not empty"), "{arguments:?}: {stderr}");
     }
-    if cfg!(feature = "gpu") {
-        let (code, _, stderr) = run(&["bench-kernels", "--json", note.to_str().unwrap()]);
-        assert!(code == 2 && stderr.contains("--force"), "{stderr}");
-    }
     assert_eq!(std::fs::read_to_string(&note).unwrap(), "mine");
     assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1);
 }

@@ -52,7 +52,7 @@ fn summed_up(views: &[View], outcomes: Vec<Result<CheckedPhoto>>) -> Result<Repo
             masked_out.len(),
             format!(
                 "the masks of {} training views exclude every pixel, so nothing is learnt from them: {}; white pixels count, \
-                 unless --mask-invert is given",
+                 unless capture.mask-invert is set",
                 masked_out.len(),
                 first_names(masked_out)
             ),

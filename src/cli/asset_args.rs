@@ -3,7 +3,7 @@
 use litetex_exporters::ply::PlyUp;
 use litetex_exporters::spz::{SpzOptions, SpzVersion};
 use litetex_exporters::{Cameras, Format, Quality};
-use litetex_gs::console::values::{parse_bytes, parse_decibels};
+use litetex_gs::console::values::{parse_bytes, parse_decibels, whole};
 use litetex_gs::verify::RateGoal;
 
 /// What is written of a scene, and how.
@@ -22,7 +22,7 @@ pub struct AssetArgs {
     #[arg(long)]
     pub mesh: bool,
     /// Version of .spz files: 3, which most programs read, or 4, which is smaller
-    #[arg(long, value_name = "3|4", value_parser = clap::value_parser!(u8).range(3..=4), default_value_t = 3)]
+    #[arg(long, value_name = "3|4", value_parser = whole::<u8>(3..=4), default_value_t = 3)]
     pub spz_version: u8,
     /// Cameras that glTF and USD files hold for other programs, and whether .spz files hold any [default: home, and none in .spz]
     #[arg(long, value_name = "CAMERAS")]
@@ -31,7 +31,7 @@ pub struct AssetArgs {
     #[arg(long)]
     pub force: bool,
     /// How long to look for a smaller .ltgs file, also inside glTF: above 1, numbers make up for the rounding of others, in two passes over the views for each level [default: 1]
-    #[arg(long, conflicts_with = "max_size", value_name = "1-9", value_parser = clap::value_parser!(u8).range(1..=9))]
+    #[arg(long, conflicts_with = "max_size", value_name = "1-9", value_parser = whole::<u8>(1..=9))]
     pub effort: Option<u8>,
     /// Do not verify the files by rendering them
     #[arg(long)]
@@ -201,12 +201,12 @@ fn parse_direction(text: &str) -> Result<[f64; 3], String> {
 
 fn parse_floor(text: &str) -> Result<f32, String> {
     let floor = text.parse::<f32>().ok().filter(|f| f.is_finite() && *f >= 0.0);
-    floor.ok_or_else(|| format!("{text:?}: expected a number of pixels, 0 or more"))
+    floor.ok_or_else(|| "expected a number of pixels, 0 or more".to_owned())
 }
 
 fn parse_factor(text: &str) -> Result<f64, String> {
     let factor = text.parse::<f64>().ok().filter(|f| f.is_finite() && *f > 0.0);
-    factor.ok_or_else(|| format!("{text:?}: expected a positive number"))
+    factor.ok_or_else(|| "expected a positive number".to_owned())
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
-//! Options for reading a capture; shared by `train` and `inspect`.
+//! Options for reading a capture; shared by `train`, `inspect` and `schedule`.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use litetex_gs::capture::{CaptureFormat, LoadOptions};
-use litetex_gs::console::values::{parse_bytes, parse_whole};
+use litetex_gs::console::values::{parse_bytes, parse_whole, whole};
 use litetex_gs::run::MAX_RESOLUTION_MIN;
 use std::path::PathBuf;
 
@@ -11,7 +11,7 @@ use std::path::PathBuf;
 #[command(next_help_heading = "Capture")]
 pub struct CaptureArgs {
     /// Maximum length of the images' longer side, in pixels; larger images are reduced by area averaging [default: 1600]
-    #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(i64::from(MAX_RESOLUTION_MIN)..=65_536))]
+    #[arg(long, value_name = "PX", value_parser = whole::<u32>(u64::from(MAX_RESOLUTION_MIN)..=65_536))]
     pub max_resolution: Option<u32>,
     /// Folder of the images, for example images_4 [default: images]
     #[arg(long, value_name = "DIR")]
@@ -19,38 +19,35 @@ pub struct CaptureArgs {
     /// Folder of the masks; white pixels count [default: masks, if it exists]
     #[arg(long, value_name = "DIR")]
     pub masks: Option<PathBuf>,
-    /// Invert the masks: black pixels count
-    #[arg(long)]
-    pub mask_invert: bool,
-    /// Pose format [default: the first of these that is found]
-    #[arg(long, value_name = "FORMAT", value_parser = format_parser())]
-    pub format: Option<FormatArg>,
     /// Hold out every Nth view in name order; 0 holds out none. A split stated in the capture's files takes precedence [default: 8]
     #[arg(long, value_name = "N", value_parser = parse_whole::<usize>)]
     pub test_every: Option<usize>,
     /// File listing the views to hold out, one name per line; takes precedence over everything else
     #[arg(long, value_name = "FILE")]
     pub test_list: Option<PathBuf>,
+}
+
+/// Flags of the capture that `train` has not: there, `--set` reaches them.
+#[derive(clap::Args, Clone, Debug, Default)]
+#[command(next_help_heading = "Capture")]
+pub struct WholeCaptureArgs {
+    #[command(flatten)]
+    usual: CaptureArgs,
+    /// Invert the masks: black pixels count
+    #[arg(long)]
+    pub mask_invert: bool,
+    /// Pose format [default: the first of these that is found]
+    #[arg(long, value_name = "FORMAT", value_parser = format_parser())]
+    pub format: Option<CaptureFormat>,
     /// Memory for decoded images [default: 4GiB]
     #[arg(long, value_name = "SIZE", value_parser = parse_bytes)]
     pub image_cache: Option<u64>,
 }
 
-/// Kind of pose file, as typed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum FormatArg {
-    /// Whichever is there.
-    Auto,
-    /// One of the table.
-    Given(CaptureFormat),
-}
-
-/// `auto` and the names of the table, with their help.
-fn format_parser() -> impl TypedValueParser<Value = FormatArg> {
-    let auto = PossibleValue::new("auto").help("The first format that is found");
+/// The names of the table, with their help.
+fn format_parser() -> impl TypedValueParser<Value = CaptureFormat> {
     let formats = CaptureFormat::all().map(|f| PossibleValue::new(f.name()).help(f.help()));
-    PossibleValuesParser::new(std::iter::once(auto).chain(formats))
-        .map(|name| name.parse().map_or(FormatArg::Auto, FormatArg::Given))
+    PossibleValuesParser::new(formats).try_map(|name| name.parse::<CaptureFormat>())
 }
 
 impl CaptureArgs {
@@ -58,16 +55,19 @@ impl CaptureArgs {
     pub fn apply(&self, options: &mut LoadOptions) {
         set(&mut options.max_resolution, self.max_resolution);
         set(&mut options.test_every, self.test_every);
-        set(&mut options.image_cache_bytes, self.image_cache);
         set_some(&mut options.images, &self.images);
         set_some(&mut options.masks, &self.masks);
         set_some(&mut options.test_list, &self.test_list);
+    }
+}
+
+impl WholeCaptureArgs {
+    /// Writes what was given over `options`.
+    pub fn apply(&self, options: &mut LoadOptions) {
+        self.usual.apply(options);
+        set(&mut options.image_cache_bytes, self.image_cache);
         options.mask_invert |= self.mask_invert;
-        match self.format {
-            Some(FormatArg::Auto) => options.format = None,
-            Some(FormatArg::Given(format)) => options.format = Some(format),
-            None => {}
-        }
+        set_some(&mut options.format, &self.format);
     }
 }
 

@@ -4,12 +4,13 @@ use super::sources::{check_kind, is_asset, load_scene};
 use litetex_gs::backend::RenderedImage;
 use litetex_gs::capture::read_image;
 use litetex_gs::console::device;
-use litetex_gs::console::values::parse_decibels;
-use litetex_gs::console::{Columns, Interrupt, Log, path_text, print_json};
+use litetex_gs::console::values::{parse_decibels, whole};
+use litetex_gs::console::{Interrupt, Log, Output, columns, path_text};
 use litetex_gs::run::find_checkpoint;
 use litetex_gs::text::shortened;
 use litetex_gs::verify::{Difference, SceneRenderer, evenly_spread};
 use litetex_gs::{Error, Result};
+use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -28,11 +29,8 @@ pub struct CompareArgs {
     #[arg(long, value_name = "DB", value_parser = parse_decibels)]
     min_psnr: Option<f64>,
     /// Render this many views of scenes, evenly spread [default: all]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", value_parser = whole::<u32>(1..=u64::MAX))]
     views: Option<u32>,
-    /// Print JSON
-    #[arg(long)]
-    json: bool,
     /// Where to compute
     #[arg(long, value_name = "NAME", default_value = "auto", help_heading = "Device")]
     device: String,
@@ -42,10 +40,10 @@ pub struct CompareArgs {
 const NAME_CHARS: usize = 60;
 
 /// Compares and prints.
-pub fn run(args: &CompareArgs, log: &Log) -> anyhow::Result<()> {
+pub fn run(args: &CompareArgs, log: &Log) -> Result<Output> {
     for path in [&args.a, &args.b] {
         if !path.exists() {
-            return Err(Error::io(path, std::io::ErrorKind::NotFound.into()).into());
+            return Err(Error::io(path, std::io::ErrorKind::NotFound.into()));
         }
         if !is_image(path) {
             check_kind(path, ", an image (.png, .jpg, .exr) or a folder of images")?;
@@ -59,22 +57,16 @@ pub fn run(args: &CompareArgs, log: &Log) -> anyhow::Result<()> {
                 "{} and {}: one is a scene, the other is not",
                 args.a.display(),
                 args.b.display()
-            ))
-            .into());
+            )));
         }
     };
-    if args.json {
-        print_as_json(args, &differences)?;
-    } else {
-        print_table(&differences)?;
-    }
     let psnr = mean(&differences, Difference::psnr);
-    match args.min_psnr.filter(|least| psnr < *least) {
-        Some(least) => {
-            Err(Error::CheckFailed(format!("PSNR {psnr:.2} dB, expected at least {least} dB")).into())
-        }
-        None => Ok(()),
-    }
+    let failure = args
+        .min_psnr
+        .filter(|least| psnr < *least)
+        .map(|least| Error::CheckFailed(format!("PSNR {psnr:.2} dB, expected at least {least} dB")));
+    let output = Output::new("litetex-compare/1", as_json(args, &differences), table_of(&differences));
+    Ok(output.failing(failure))
 }
 
 /// A figure of a difference.
@@ -84,14 +76,13 @@ fn mean(differences: &[Difference], figure: Figure) -> f64 {
     differences.iter().map(figure).sum::<f64>() / differences.len() as f64
 }
 
-fn print_as_json(args: &CompareArgs, differences: &[Difference]) -> std::io::Result<()> {
+fn as_json(args: &CompareArgs, differences: &[Difference]) -> Value {
     let of_view = |d: &Difference| {
-        serde_json::json!({ "name": d.quality.name, "psnr": d.psnr(), "grad_psnr": d.quality.grad_psnr,
+        json!({ "name": d.quality.name, "psnr": d.psnr(), "grad_psnr": d.quality.grad_psnr,
             "ssim_3dgs": d.quality.ssim_3dgs, "ssim_valid": d.quality.ssim_valid, "flip": d.quality.flip,
             "largest": d.largest })
     };
-    print_json(&serde_json::json!({
-        "schema": "litetex-compare/1",
+    json!({
         "a": path_text(&args.a),
         "b": path_text(&args.b),
         "psnr": mean(differences, Difference::psnr),
@@ -99,10 +90,10 @@ fn print_as_json(args: &CompareArgs, differences: &[Difference]) -> std::io::Res
         "ssim_3dgs": mean(differences, |d| d.quality.ssim_3dgs),
         "flip": mean(differences, |d| d.quality.flip),
         "per_view": differences.iter().map(of_view).collect::<Vec<_>>(),
-    }))
+    })
 }
 
-fn print_table(differences: &[Difference]) -> std::io::Result<()> {
+fn table_of(differences: &[Difference]) -> String {
     let figures: [(&str, usize, Figure); 5] = [
         ("PSNR", 2, Difference::psnr),
         ("grad", 2, |d| d.quality.grad_psnr),
@@ -111,16 +102,14 @@ fn print_table(differences: &[Difference]) -> std::io::Result<()> {
         ("largest", 6, |d| d.largest.into()),
     ];
     let headings: Vec<&str> = std::iter::once("image").chain(figures.iter().map(|f| f.0)).collect();
-    let mut table = Columns::new(&headings);
     let row = |name: &str, of: &dyn Fn(Figure) -> f64| {
         let cells = figures.iter().map(|&(_, digits, figure)| format!("{:.digits$}", of(figure)));
-        std::iter::once(name.to_owned()).chain(cells).collect()
+        std::iter::once(name.to_owned()).chain(cells).collect::<Vec<_>>()
     };
-    for d in differences {
-        table.row(row(&shortened(&d.quality.name, NAME_CHARS), &|figure| figure(d)));
-    }
-    table.row(row("mean", &|figure| mean(differences, figure)));
-    table.print()
+    let of_views =
+        differences.iter().map(|d| row(&shortened(&d.quality.name, NAME_CHARS), &|figure| figure(d)));
+    let rows: Vec<_> = of_views.chain([row("mean", &|figure| mean(differences, figure))]).collect();
+    columns(&headings, &rows)
 }
 
 /// Whether a path names a run, a checkpoint or an asset.

@@ -1,6 +1,7 @@
 //! `litetex completions`: shell completions, from the same definitions as the help.
 
-use std::io::Write;
+use litetex_gs::Result;
+use litetex_gs::console::Output;
 
 /// Print completions for a shell
 ///
@@ -12,9 +13,8 @@ pub struct CompletionsArgs {
 }
 
 /// Prints the completions for `command`, the whole program.
-pub fn run(args: &CompletionsArgs, mut command: clap::Command) -> anyhow::Result<()> {
+pub fn run(args: &CompletionsArgs, mut command: clap::Command) -> Result<Output> {
     let mut text = Vec::new();
     clap_complete::generate(args.shell, &mut command, "litetex", &mut text);
-    std::io::stdout().write_all(&text)?;
-    Ok(())
+    Ok(Output::text(String::from_utf8_lossy(&text)))
 }

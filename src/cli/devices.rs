@@ -1,25 +1,16 @@
 //! `litetex devices`.
 
-use litetex_gs::console::{Table, device, print_json};
+use litetex_gs::Result;
+use litetex_gs::console::{Output, Table, device};
+use serde_json::json;
 
-/// List the devices that can train and render
-#[derive(clap::Args)]
-pub struct DevicesArgs {
-    /// Print JSON
-    #[arg(long)]
-    json: bool,
-}
-
-/// Prints the devices.
-pub fn run(args: &DevicesArgs) -> anyhow::Result<()> {
+/// Lists the devices.
+pub fn run() -> Result<Output> {
     let devices = device::list()?;
-    if args.json {
-        return Ok(print_json(&devices)?);
-    }
     let mut table = Table::default();
     for device in &devices {
         let mark = if device.auto { "chosen by auto: " } else { "" };
         table.row(&device.name, format!("{} ({mark}{})", device.description, device.why));
     }
-    Ok(table.print()?)
+    Ok(Output::new("litetex-devices/1", json!({ "devices": devices }), table))
 }

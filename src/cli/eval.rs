@@ -1,19 +1,18 @@
 //! `litetex eval`: quality figures of a trained scene on its test views.
 
-use super::extra_figures::ExtraFigures;
 use super::sources::on_device;
-use super::training_views::TrainingViews;
 use super::uncovered::UncoveredArea;
 use super::worst_view;
 use litetex_gs::backend::{Backend, RenderedImage};
 use litetex_gs::capture::Capture;
-use litetex_gs::console::{Log, Table, check_free, path_text, print_json};
-use litetex_gs::eval::Evaluation;
+use litetex_gs::console::{Log, Output, Table, check_free, path_text};
+use litetex_gs::eval::{Evaluation, ImagePair, psnr};
 use litetex_gs::run::{Quality, Trained, check_empty, write_per_view, write_view};
 use litetex_gs::train::{self, Control, Evaluated};
 use litetex_gs::verify::CaptureIdentity;
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result};
+use serde_json::json;
 use std::path::{Path, PathBuf};
 
 /// Evaluate a run on its test views
@@ -42,16 +41,13 @@ pub struct EvalArgs {
     /// Replace the file of --worst
     #[arg(long)]
     force: bool,
-    /// Print JSON, with the figures of each view
-    #[arg(long)]
-    json: bool,
     /// Where to compute
     #[arg(long, value_name = "NAME", default_value = "auto", help_heading = "Device")]
     device: String,
 }
 
 /// Evaluates and prints.
-pub fn run(args: &EvalArgs, log: &Log) -> anyhow::Result<()> {
+pub fn run(args: &EvalArgs, log: &Log) -> Result<Output> {
     if let Some(out) = &args.out {
         check_empty(out)?;
     }
@@ -62,45 +58,42 @@ pub fn run(args: &EvalArgs, log: &Log) -> anyhow::Result<()> {
     let trained = Trained::load(&args.source)?;
     let capture = trained.open_capture(args.capture.as_deref())?;
     log.report(&capture.report);
-    let mut extras: Vec<Box<dyn ExtraFigures>> = Vec::new();
-    if let Some(other) = &args.uncovered_by {
-        let background = trained.config.train.background;
-        let area = UncoveredArea::of(&Trained::load(other)?, &capture, background, &args.device, log)?;
-        extras.push(Box::new(area));
-    }
-    if args.training {
-        extras.push(Box::new(TrainingViews::default()));
-    }
+    let background = trained.config.train.background;
+    let area = args
+        .uncovered_by
+        .as_deref()
+        .map(|other| UncoveredArea::of(&Trained::load(other)?, &capture, background, &args.device, log));
+    let mut area = area.transpose()?;
     let mut backend = on_device(&trained, &args.device, log)?;
     let evaluation = match args.needs_test_views() || !capture.indices(Split::Test).is_empty() {
-        true => Some(evaluate(&trained, backend.as_mut(), &capture, args.out.as_deref(), &mut extras)?),
+        true => Some(evaluate(&trained, backend.as_mut(), &capture, args.out.as_deref(), area.as_mut())?),
         false => None,
     };
-    extras.iter_mut().try_for_each(|e| e.finish(&trained, backend.as_mut(), &capture))?;
     if let (Some(path), Some(evaluation)) = (&args.worst, &evaluation) {
         let options = trained.render_options();
         worst_view::write(path, backend.as_mut(), &capture, evaluation, &options)?;
     }
-    if args.json {
-        let mut json = serde_json::json!({
-            "schema": "litetex-eval/1",
-            "checkpoint": path_text(&trained.path),
-            "step": trained.step,
-            "resample": "area",
-            "quality": evaluation.as_ref().map(Quality::from),
-        });
-        for (key, value) in extras.iter().map(|e| e.json()) {
-            json[key] = value;
-        }
-        return Ok(print_json(&json)?);
-    }
+    let mut found = json!({
+        "checkpoint": path_text(&trained.path),
+        "step": trained.step,
+        "resample": "area",
+        "quality": evaluation.as_ref().map(Quality::from),
+    });
     let mut table = Table::default();
     table.row("checkpoint", trained.path.display());
     if let Some(evaluation) = &evaluation {
         add_rows(&mut table, evaluation);
     }
-    extras.iter().for_each(|e| e.rows(&mut table));
-    Ok(table.print()?)
+    if let Some(area) = &area {
+        found["uncovered_by"] = area.json();
+        area.row(&mut table);
+    }
+    if args.training {
+        let psnr = psnr_of_training_views(&trained, backend.as_mut(), &capture)?;
+        found["training"] = json!({ "psnr": psnr });
+        table.row("PSNR of the training views", psnr.map_or("-".to_owned(), |psnr| format!("{psnr:.2} dB")));
+    }
+    Ok(Output::new("litetex-eval/1", found, table))
 }
 
 impl EvalArgs {
@@ -129,7 +122,7 @@ fn evaluate(
     backend: &mut dyn Backend,
     capture: &Capture,
     out: Option<&Path>,
-    extras: &mut [Box<dyn ExtraFigures>],
+    mut area: Option<&mut UncoveredArea>,
 ) -> Result<Evaluation> {
     let views = capture.indices(Split::Test);
     if views.is_empty() {
@@ -146,7 +139,9 @@ fn evaluate(
         if let Some(out) = out {
             write_view(out, capture, view, image)?;
         }
-        extras.iter_mut().try_for_each(|e| e.add(capture, view, image))?;
+        if let Some(area) = &mut area {
+            area.add(capture, view, image)?;
+        }
         Ok(Control::Continue)
     };
     let Evaluated::Figures(evaluation) = train::evaluate(backend, capture, &views, &options, &mut on_view)?
@@ -157,4 +152,19 @@ fn evaluate(
         write_per_view(out, &evaluation)?;
     }
     Ok(evaluation)
+}
+
+/// Mean PSNR of the training views, dB; `None` if there are none.
+fn psnr_of_training_views(
+    trained: &Trained,
+    backend: &mut dyn Backend,
+    capture: &Capture,
+) -> Result<Option<f64>> {
+    let (options, views) = (trained.render_options(), capture.indices(Split::Train));
+    let mut sum = 0.0;
+    for &view in &views {
+        let image = backend.render(&capture.camera(view), &options)?;
+        sum += psnr(&ImagePair::new(&image.rgb, &*capture.target(view)?));
+    }
+    Ok((!views.is_empty()).then(|| sum / views.len() as f64))
 }

@@ -1,8 +1,8 @@
-//! `litetex export` and `litetex convert`: assets from runs and from each other.
+//! `litetex export`, also called `convert`: assets from runs and from each other.
 
 use super::asset_args::{AssetArgs, CropBox};
 use super::outputs;
-use super::sources::{load_scene, open_photos, read_layers, read_limits};
+use super::sources::{load_layers, open_photos, read_limits};
 use super::views_progress::{ViewsProgress, views_to_render};
 use litetex_exporters::spz::{ShBits, SpzOptions};
 use litetex_exporters::{
@@ -10,8 +10,8 @@ use litetex_exporters::{
     read_fallback, stage_asset,
 };
 use litetex_gs::capture::Capture;
-use litetex_gs::console::device;
-use litetex_gs::console::{Columns, Interrupt, Log};
+use litetex_gs::console::values::whole;
+use litetex_gs::console::{Interrupt, Log, Output, columns, device, path_text};
 use litetex_gs::run::Trained;
 use litetex_gs::text::{format_bytes, format_count};
 use litetex_gs::verify::{
@@ -19,43 +19,27 @@ use litetex_gs::verify::{
     ReadBack, Rounding, SceneRenderer, Verdict, evenly_spread, find_rounding, find_sh_bits, verify,
 };
 use litetex_gs::{Error, Report, Result};
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
-/// Write a trained scene as an asset
+/// Write a trained scene as an asset, or an asset in another format
 ///
 /// The extension of each file determines its format. Every file is read back, rendered and compared with the scene before
 /// it is moved into place; test PSNR is that of the scene and of the file on the photos held out, if they are still there.
+/// "litetex convert" is the same command.
 #[derive(clap::Args)]
 pub struct ExportArgs {
     /// A run, a checkpoint or an asset
     #[arg(value_name = "RUN|CHECKPOINT|ASSET")]
     source: PathBuf,
+    /// Files to write
+    #[arg(value_name = "FILE", required_unless_present = "out")]
+    files: Vec<PathBuf>,
     /// File to write; several may follow
-    #[arg(long, short, value_name = "FILE", num_args = 1.., required = true)]
+    #[arg(long, short, value_name = "FILE", num_args = 1..)]
     out: Vec<PathBuf>,
-    #[command(flatten)]
-    asset: AssetArgs,
-    /// Where to render for the comparison
-    #[arg(long, value_name = "NAME", default_value = "auto", help_heading = "Device")]
-    device: String,
-}
-
-/// Write an asset in another format
-///
-/// The same as "litetex export ASSET -o FILE".
-#[derive(clap::Args)]
-pub struct ConvertArgs {
-    /// The asset
-    #[arg(value_name = "IN")]
-    source: PathBuf,
-    /// File to write
-    #[arg(value_name = "OUT", required_unless_present = "out_option")]
-    out: Option<PathBuf>,
-    /// The same as OUT, as "litetex export" takes it
-    #[arg(long = "out", short, value_name = "FILE", id = "out_option", conflicts_with = "out", hide = true)]
-    out_option: Option<PathBuf>,
     /// Keep only the first N layers of a .ltgs file, or one inside glTF, which are a coarser scene
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Scene")]
+    #[arg(long, value_name = "N", value_parser = whole::<u32>(1..=u64::MAX), help_heading = "Scene")]
     layers: Option<u32>,
     #[command(flatten)]
     asset: AssetArgs,
@@ -64,23 +48,14 @@ pub struct ConvertArgs {
     device: String,
 }
 
-/// Runs `litetex export`.
-pub fn run(args: &ExportArgs, log: &Log) -> anyhow::Result<()> {
+/// Loads, writes and verifies.
+pub fn run(args: &ExportArgs, log: &Log) -> Result<Output> {
     listen(log)?;
     let source = args.source.is_file().then_some(args.source.as_path());
-    outputs::check(source, &args.out, &args.asset)?;
-    let (scene, trained) = load_scene(&args.source, log)?;
-    Ok(write_all((scene, trained.as_ref()), &args.out, &args.asset, &args.device, log)?.print()?)
-}
-
-/// Runs `litetex convert`.
-pub fn convert(args: &ConvertArgs, log: &Log) -> anyhow::Result<()> {
-    listen(log)?;
-    let out: Vec<PathBuf> = args.out.iter().chain(&args.out_option).cloned().collect();
-    outputs::check(Some(&args.source), &out, &args.asset)?;
-    Format::of(&args.source).map_err(Error::from)?;
-    let scene = read_layers(&args.source, args.layers, log)?;
-    Ok(write_all((scene, None), &out, &args.asset, &args.device, log)?.print()?)
+    let out = [&*args.files, &args.out].concat();
+    outputs::check(source, &out, &args.asset)?;
+    let (scene, trained) = load_layers(&args.source, args.layers, log)?;
+    Ok(write_all((scene, trained.as_ref()), &out, &args.asset, &args.device, log)?.output())
 }
 
 /// Takes over Ctrl-C, before the first file is created: neither probes nor staged files may stay behind.
@@ -119,7 +94,7 @@ struct Verification<'a> {
 /// comes from, files are also compared with the photos of the test views.
 ///
 /// # Errors
-/// If nothing can be written or rendered. What is wrong with a single file is left to [`Exports::print`].
+/// If nothing can be written or rendered. What is wrong with a single file is left to [`Exports::output`].
 pub fn write_all(
     (mut scene, trained): (BakedScene, Option<&Trained>),
     outputs: &[PathBuf],
@@ -368,31 +343,19 @@ fn raw_bytes(asset: &SplatAsset) -> u64 {
 }
 
 impl Exports {
-    /// Prints a row for each file, those beside the ones asked for included. The ratio is that of all files of a scene.
-    ///
-    /// # Errors
-    /// What stopped the writing, else [`Error::CheckFailed`] if a file failed verification.
-    pub fn print(self) -> Result<()> {
-        let mut table =
-            Columns::new(&["file", "size", "ratio", "PSNR to scene", "lost", "test PSNR", "verified"]);
-        for file in &self.files {
-            for row in file.rows() {
-                table.row(row);
-            }
-        }
-        if !self.files.is_empty() {
-            table.print().map_err(|e| Error::io("standard output", e))?;
-        }
+    /// A row for each file, those beside the ones asked for included. The ratio is that of all files of a scene. It fails with what
+    /// stopped the writing, else if a file failed verification.
+    pub fn output(self) -> Output {
+        let headings = ["file", "size", "ratio", "PSNR to scene", "lost", "test PSNR", "verified"];
+        let rows: Vec<Vec<String>> = self.files.iter().flat_map(Exported::rows).collect();
+        let mut text = columns(&headings, &rows);
         if self.files.iter().any(|f| f.verdict.as_ref().is_some_and(|v| v.untextured)) {
-            println!(
-                "* against the untextured scene: this format has no textures, maps are averaged into the colours"
-            );
-        }
-        if let Some(error) = self.stopped {
-            return Err(error);
+            text += "* against the untextured scene: this format has no textures, maps are averaged into the colours\n";
         }
         let failures: Vec<String> = self.files.iter().flat_map(Exported::failures).collect();
-        if failures.is_empty() { Ok(()) } else { Err(Error::CheckFailed(failures.join("; "))) }
+        let failed = (!failures.is_empty()).then(|| Error::CheckFailed(failures.join("; ")));
+        let files: Vec<Value> = self.files.iter().map(Exported::json).collect();
+        Output::new("litetex-export/1", json!({ "files": files }), text).failing(self.stopped.or(failed))
     }
 }
 
@@ -400,6 +363,18 @@ impl Exported {
     fn failures(&self) -> impl Iterator<Item = String> {
         let all = self.verdict.iter().flat_map(|v| &v.failures);
         all.map(|f| format!("{}: not written, verification failed: {f}", self.path.display()))
+    }
+
+    fn json(&self) -> Value {
+        let each =
+            self.written.each().map(|(file, bytes)| json!({ "path": path_text(file), "bytes": bytes }));
+        json!({
+            "path": path_text(&self.path),
+            "files": each.collect::<Vec<_>>(),
+            "raw_bytes": self.raw_bytes,
+            "verdict": self.verdict,
+            "on_test_photos": self.on_test_photos,
+        })
     }
 
     /// A row for the file that was asked for, which tells of the scene, and one with the size of each file beside it.

@@ -1,12 +1,12 @@
 //! `litetex inspect`: the contents of a capture, a run, a checkpoint or an asset.
 
-use super::capture_args::CaptureArgs;
+use super::capture_args::WholeCaptureArgs;
 use super::sources::{check_kind, is_asset, read_scene};
 use glam::{DVec3, Vec3};
 use litetex_exporters::{Describes, LayerSize, Quality, SplatAsset, Transform};
 use litetex_gs::bake::model_from_asset;
 use litetex_gs::capture::{Capture, LoadOptions, read_ply_points};
-use litetex_gs::console::{Log, Table, path_text, print_json};
+use litetex_gs::console::{Log, Output, Table, path_text};
 use litetex_gs::model::Model;
 use litetex_gs::run::{Summary, Trained, find_checkpoint, is_checkpoint};
 use litetex_gs::text::{format_bytes, format_count, shortened};
@@ -23,22 +23,16 @@ pub struct InspectArgs {
     /// Folder of a capture or a run, checkpoint (.safetensors) or asset
     #[arg(value_name = "FILE|RUN|CAPTURE")]
     path: PathBuf,
-    /// Print JSON
-    #[arg(long)]
-    json: bool,
     #[command(flatten)]
-    capture_args: CaptureArgs,
+    capture_args: WholeCaptureArgs,
 }
 
 /// Reads and prints.
-pub fn run(args: &InspectArgs, log: &Log) -> anyhow::Result<()> {
+pub fn run(args: &InspectArgs, log: &Log) -> Result<Output> {
     let found = inspect(args, log)?;
-    if args.json {
-        return Ok(print_json(&found)?);
-    }
     let mut table = Table::default();
     flatten("", &found, &mut table);
-    Ok(table.print()?)
+    Ok(Output::new("litetex-inspect/1", found, table))
 }
 
 fn inspect(args: &InspectArgs, log: &Log) -> Result<Value> {

@@ -6,6 +6,7 @@
 
 use super::curve::Curve;
 use super::sources::load_scene;
+use super::training_values::View;
 use super::view::{announce, offer_photos, start};
 use super::view_scene::{in_memory, name_of, quick, served};
 use crate::viewer::{AssetBytes, Server, Shown};
@@ -40,6 +41,7 @@ const NAP: Duration = Duration::from_millis(50);
 pub struct LiveView {
     shown: Arc<Shown>,
     server: Server,
+    no_open: bool,
 }
 
 impl LiveView {
@@ -47,9 +49,10 @@ impl LiveView {
     ///
     /// # Errors
     /// As [`start`].
-    pub fn start(port: Option<u16>) -> Result<Self> {
+    pub fn start(how: View) -> Result<Self> {
+        let port = if let View::Port(port) = how { Some(port) } else { None };
         let shown = Arc::new(Shown::default());
-        Ok(Self { server: start(port, "--view-port", &shown)?, shown })
+        Ok(Self { server: start(port, "--view", &shown)?, shown, no_open: how != View::Open })
     }
 
     /// Announces the page and returns what fills it during the training.
@@ -61,10 +64,9 @@ impl LiveView {
         folder: &RunFolder,
         capture: &Arc<Capture>,
         config: &RunConfig,
-        no_open: bool,
         log: &Log,
     ) -> Result<Preview> {
-        announce(&self.server, no_open, log)?;
+        announce(&self.server, self.no_open, log)?;
         let title = config.data.as_deref().map(name_of).unwrap_or_default();
         self.shown.set_title(&title);
         offer_photos(Some(Arc::clone(capture)), &self.shown);

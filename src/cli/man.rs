@@ -1,9 +1,9 @@
 //! `litetex man`: manual pages, from the same definitions as the help.
 
 use clap::Command;
-use litetex_gs::console::check_free;
-use litetex_gs::{Error, atomic_file};
-use std::io::Write;
+use litetex_gs::console::{Output, check_free, path_text};
+use litetex_gs::{Error, Result, atomic_file};
+use serde_json::json;
 use std::path::PathBuf;
 
 /// Print the manual page, or write the pages of all commands into a folder
@@ -18,11 +18,10 @@ pub struct ManArgs {
 }
 
 /// Prints or writes the pages of `command`, the whole program.
-pub fn run(args: &ManArgs, mut command: Command) -> anyhow::Result<()> {
+pub fn run(args: &ManArgs, mut command: Command) -> Result<Output> {
     command.build();
     let Some(folder) = &args.out else {
-        std::io::stdout().write_all(&page(command)?)?;
-        return Ok(());
+        return Ok(Output::text(page(command)?));
     };
     let subcommands = command.get_subcommands().map(|sub| {
         let name = format!("litetex-{}", sub.get_name());
@@ -34,13 +33,14 @@ pub fn run(args: &ManArgs, mut command: Command) -> anyhow::Result<()> {
     check_free(&files, args.force)?;
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     for (file, command) in pages {
-        atomic_file::write(&file, &page(command)?)?;
+        atomic_file::write(&file, page(command)?.as_bytes())?;
     }
-    Ok(())
+    let files: Vec<String> = files.iter().map(|file| path_text(file)).collect();
+    Ok(Output::new("litetex-man/1", json!({ "files": files }), ""))
 }
 
-fn page(command: Command) -> std::io::Result<Vec<u8>> {
+fn page(command: Command) -> Result<String> {
     let mut text = Vec::new();
-    clap_mangen::Man::new(command).render(&mut text)?;
-    Ok(text)
+    clap_mangen::Man::new(command).render(&mut text).map_err(|e| Error::io("manual page", e))?;
+    Ok(String::from_utf8_lossy(&text).into_owned())
 }

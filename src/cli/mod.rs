@@ -10,7 +10,6 @@ mod curve;
 mod devices;
 mod eval;
 mod export;
-mod extra_figures;
 mod inspect;
 mod live_view;
 mod man;
@@ -35,7 +34,6 @@ mod train_args;
 mod train_job;
 mod train_summary;
 mod training_values;
-mod training_views;
 mod uncovered;
 mod validate;
 mod verify;
@@ -47,7 +45,8 @@ mod views_progress;
 mod worst_view;
 
 use clap::{CommandFactory as _, Parser, Subcommand};
-use litetex_gs::console::{CommonArgs, Log, Program, enter};
+use litetex_gs::Result;
+use litetex_gs::console::{CommonArgs, Log, Output, Program, enter};
 use std::process::ExitCode;
 
 /// Trains textured 2D Gaussian splats from photos with poses.
@@ -72,15 +71,16 @@ enum Command {
     Eval(eval::EvalArgs),
     Render(render::RenderArgs),
     Sample(sample::SampleArgs),
+    #[command(alias = "convert")]
     Export(Box<export::ExportArgs>),
-    Convert(Box<export::ConvertArgs>),
     Verify(verify::VerifyArgs),
     Validate(validate::ValidateArgs),
     Compare(compare::CompareArgs),
     Inspect(inspect::InspectArgs),
     View(view::ViewArgs),
     Schedule(schedule::ScheduleArgs),
-    Devices(devices::DevicesArgs),
+    /// List the devices that can train and render
+    Devices,
     Selftest(selftest::SelftestArgs),
     Quickstart(quickstart::QuickstartArgs),
     Completions(completions::CompletionsArgs),
@@ -92,21 +92,20 @@ impl Program for Cli {
         &self.common
     }
 
-    fn run(self, log: &Log) -> anyhow::Result<()> {
+    fn run(self, log: &Log) -> Result<Output> {
         match self.command {
             Command::Train(args) => train::run(*args, log),
             Command::Eval(args) => eval::run(&args, log),
             Command::Render(args) => render::run(&args, log),
             Command::Sample(args) => sample::run(&args, log),
             Command::Export(args) => export::run(&args, log),
-            Command::Convert(args) => export::convert(&args, log),
             Command::Verify(args) => verify::run(&args, log),
             Command::Validate(args) => validate::run(&args),
             Command::Compare(args) => compare::run(&args, log),
             Command::Inspect(args) => inspect::run(&args, log),
             Command::View(args) => view::run(&args, log),
             Command::Schedule(args) => schedule::run(&args, log),
-            Command::Devices(args) => devices::run(&args),
+            Command::Devices => devices::run(),
             Command::Selftest(args) => selftest::run(&args, log),
             Command::Quickstart(args) => quickstart::run(&args, log),
             Command::Completions(args) => completions::run(&args, Cli::command()),

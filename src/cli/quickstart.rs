@@ -6,11 +6,11 @@ use super::sources::load_scene;
 use super::train;
 use super::train_args::{TrainArgs, TrainingArgs};
 use super::train_summary;
-use litetex_gs::console::Log;
+use litetex_gs::console::values::whole;
+use litetex_gs::console::{Log, Output};
 use litetex_gs::run::{check_empty, is_run};
 use litetex_gs::sample::{SampleOptions, write_sample};
 use litetex_gs::{Error, Result};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Name of the sample, its folder and its assets.
@@ -34,12 +34,12 @@ pub struct QuickstartArgs {
     #[arg(long)]
     force: bool,
     /// Steps of the training
-    #[arg(long, value_name = "N", default_value_t = STEPS, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", default_value_t = STEPS, value_parser = whole::<u32>(1..=u64::MAX))]
     steps: u32,
 }
 
 /// Makes the sample, trains, exports, and says what to try next.
-pub fn run(args: &QuickstartArgs, log: &Log) -> anyhow::Result<()> {
+pub fn run(args: &QuickstartArgs, log: &Log) -> Result<Output> {
     let capture = args.out.join(NAME);
     let run = args.out.join(RUN);
     check_folder(&args.out, args.force)?;
@@ -61,18 +61,14 @@ pub fn run(args: &QuickstartArgs, log: &Log) -> anyhow::Result<()> {
         ..TrainArgs::default()
     };
     let summary = train::train_run(&train_args, log)?.summary;
-    train_summary::print(&summary)?;
     log.info("3/3 writing assets, and rendering each to verify it");
     let asset = AssetArgs { force: args.force, title: Some("Still life".to_owned()), ..AssetArgs::default() };
     let files = EXPORTS.map(|extension| args.out.join(format!("{NAME}.{extension}")));
     let (scene, trained) = load_scene(&run, log)?;
-    println!();
-    export::write_all((scene, trained.as_ref()), &files, &asset, "cpu", log)?.print()?;
+    let exports = export::write_all((scene, trained.as_ref()), &files, &asset, "cpu", log)?.output();
     let (capture, run, out_folder) = (capture.display(), run.display(), args.out.display());
-    let mut out = std::io::stdout().lock();
-    writeln!(
-        out,
-        "\nCompare  {run}/eval/{:06}/ (images; error/ holds error maps) with {capture}/images/\n\
+    let next = Output::text(format!(
+        "Compare  {run}/eval/{:06}/ (images; error/ holds error maps) with {capture}/images/\n\
          Then try\n  \
          litetex render {run} --orbit 60 -o {run}/orbit\n  \
          litetex render {run} --test --what colour,depth,normal -o {run}/views\n  \
@@ -80,10 +76,10 @@ pub fn run(args: &QuickstartArgs, log: &Log) -> anyhow::Result<()> {
          litetex verify {out_folder}/still-life.ltgs --against {run}\n  \
          litetex train {capture} -o runs/untextured --policy plain --steps {}\n  \
          litetex train <your COLMAP or nerfstudio folder> -o runs/mine --max-resolution 480 --steps 1000\n  \
-         litetex view {run}",
+         litetex view {run}\n",
         summary.steps, summary.steps_planned
-    )?;
-    Ok(())
+    ));
+    Ok(train_summary::output(&summary).with("exports", exports).with("next", next))
 }
 
 /// Refuses a folder that is not empty; with `force`, accepts one that holds only a quickstart, with its run.

@@ -1,23 +1,23 @@
 //! `litetex render`: images of a scene from a named view, the test views or an orbit.
 
 use super::colour_by::{ColourBy, Coloured};
-use super::sources::{is_asset, load_scene, open_photos, read_layers};
+use super::sources::{load_layers, open_photos};
 use litetex_exporters::{SplatAsset, Transform};
 use litetex_gs::backend::RenderedImage;
 use litetex_gs::bake::{AssetViews, model_from_asset};
 use litetex_gs::camera::{Camera, orbit};
 use litetex_gs::capture::Capture;
-use litetex_gs::console::device;
-use litetex_gs::console::values::{ImageSize, parse_image_size};
-use litetex_gs::console::{Log, Table, check_free};
+use litetex_gs::console::values::{ImageSize, parse_image_size, whole};
+use litetex_gs::console::{Log, Output, Table, check_free, device, path_text};
 use litetex_gs::eval::quantised;
 use litetex_gs::image::{Channels, depth_range, grey_from_depth, rgb_from_normal, write_exr, write_png};
 use litetex_gs::model::{AdamState, Model};
-use litetex_gs::run::{Trained, image_name, render_options};
+use litetex_gs::run::{image_name, render_options};
 use litetex_gs::text::quoted;
-use litetex_gs::verify::{BakedScene, to_display};
+use litetex_gs::verify::to_display;
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result};
+use serde_json::json;
 use std::path::{Path, PathBuf};
 
 /// Render views of a run or an asset as images
@@ -38,7 +38,7 @@ pub struct RenderArgs {
     #[arg(long, group = "which")]
     test: bool,
     /// Render N views on a circle around what the cameras look at
-    #[arg(long, value_name = "N", group = "which", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(long, value_name = "N", group = "which", value_parser = whole::<u32>(1..=100_000))]
     orbit: Option<u32>,
     /// Folder to write into
     #[arg(long, short, value_name = "DIR")]
@@ -59,7 +59,7 @@ pub struct RenderArgs {
     #[arg(long)]
     exr: bool,
     /// Render only the first N layers of a .ltgs file, or one inside glTF, which are a coarser scene
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", value_parser = whole::<u32>(1..=u64::MAX))]
     layers: Option<u32>,
     /// Use the views of this capture instead of the scene's own
     #[arg(long, value_name = "DIR")]
@@ -96,18 +96,17 @@ impl What {
 }
 
 /// Renders and says what was written.
-pub fn run(args: &RenderArgs, log: &Log) -> anyhow::Result<()> {
+pub fn run(args: &RenderArgs, log: &Log) -> Result<Output> {
     if args.out.is_file() {
-        return Err(Error::Usage(format!("{}: is a file, expected a folder", args.out.display())).into());
+        return Err(Error::Usage(format!("{}: is a file, expected a folder", args.out.display())));
     }
     if let Some(by) = args.colour_by.filter(|_| !args.what.contains(&What::Colour)) {
         return Err(Error::Usage(format!(
             "--colour-by {} needs colour images, and --what excludes them; add colour to --what, or drop --colour-by",
             by.name()
-        ))
-        .into());
+        )));
     }
-    let (mut scene, trained) = load(args, log)?;
+    let (mut scene, trained) = load_layers(&args.source, args.layers, log)?;
     let of_capture = match &args.capture {
         Some(folder) => open_photos(&scene, trained.as_ref(), Some(folder), log)?,
         None => None,
@@ -138,21 +137,13 @@ pub fn run(args: &RenderArgs, log: &Log) -> anyhow::Result<()> {
         }
         coloured.add_rows(&mut table);
     }
-    Ok(table.print()?)
-}
-
-/// The scene, or the layers of it that are asked for, and the training it comes from, if it is not an asset.
-fn load(args: &RenderArgs, log: &Log) -> Result<(BakedScene, Option<Trained>)> {
-    match args.layers {
-        None => load_scene(&args.source, log),
-        Some(layers) if is_asset(&args.source) => Ok((read_layers(&args.source, Some(layers), log)?, None)),
-        Some(layers) => {
-            let source = args.source.display();
-            Err(Error::Usage(format!(
-                "--layers {layers}: {source} is no asset; only .ltgs files and glTF files of quality tiny have layers"
-            )))
-        }
-    }
+    let found = json!({
+        "scene": path_text(&scene.path),
+        "out": path_text(&args.out),
+        "images": written,
+        "files": files.iter().map(|file| path_text(file)).collect::<Vec<_>>(),
+    });
+    Ok(Output::new("litetex-render/1", found, table))
 }
 
 /// Renders and writes the images; returns how many.

@@ -1,9 +1,11 @@
 //! `litetex sample`: writes a synthetic capture.
 
+use litetex_gs::Result;
 use litetex_gs::console::values::{ImageSize, parse_image_size, parse_whole};
-use litetex_gs::console::{Log, Table};
+use litetex_gs::console::{Log, Output, Table, path_text};
 use litetex_gs::run::check_empty;
 use litetex_gs::sample::{NeedScene, SampleOptions, Stress, write_sample};
+use serde_json::json;
 use std::path::PathBuf;
 
 /// Generate a small synthetic capture for trying things out
@@ -28,7 +30,7 @@ pub struct SampleArgs {
     #[arg(long, value_name = "N", value_parser = parse_whole::<u64>, default_value_t = 0)]
     seed: u64,
     /// Rays per pixel along each axis
-    #[arg(long, value_name = "N", default_value_t = SampleOptions::default().supersampling)]
+    #[arg(long, value_name = "N", value_parser = parse_whole::<u32>, default_value_t = SampleOptions::default().supersampling)]
     rays: u32,
     /// Make the capture hard in one respect, to see where methods fail; test.txt lists the test photos, which stay
     /// clean, for --test-list
@@ -87,7 +89,7 @@ impl SampleArgs {
 }
 
 /// Writes the capture and prints its figures.
-pub fn run(args: &SampleArgs, log: &Log) -> anyhow::Result<()> {
+pub fn run(args: &SampleArgs, log: &Log) -> Result<Output> {
     check_empty(&args.dir)?;
     let options = args.options();
     log.info(&format!(
@@ -107,5 +109,13 @@ pub fn run(args: &SampleArgs, log: &Log) -> anyhow::Result<()> {
     table.row("points", made.points);
     table.row("observations", made.observations);
     table.row("mean reprojection error", format!("{:.2} px", made.mean_reprojection_error_px));
-    Ok(table.print()?)
+    let found = json!({
+        "capture": path_text(&args.dir),
+        "photos": made.views,
+        "test_photos": made.test_views,
+        "points": made.points,
+        "observations": made.observations,
+        "mean_reprojection_error_px": made.mean_reprojection_error_px,
+    });
+    Ok(Output::new("litetex-sample/1", found, table))
 }

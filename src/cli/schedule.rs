@@ -1,11 +1,14 @@
 //! `litetex schedule`: the frequency schedule of a capture, as tables or JSON.
 
-use super::capture_args::CaptureArgs;
+use super::capture_args::WholeCaptureArgs;
 use super::schedule_args::ScheduleFlags;
 use super::schedule_report::ScheduleReport;
+use litetex_gs::Result;
 use litetex_gs::capture::{Capture, LoadOptions};
-use litetex_gs::console::{Log, print_json};
+use litetex_gs::console::values::whole;
+use litetex_gs::console::{Log, Output};
 use litetex_gs::frequency::FrequencyOptions;
+use serde_json::json;
 use std::path::PathBuf;
 
 /// Show how image sizes and texture caps rise during training
@@ -17,19 +20,16 @@ pub struct ScheduleArgs {
     /// Folder of the capture
     capture: PathBuf,
     /// Steps of the training; the schedule ends after two thirds of them
-    #[arg(long, visible_alias = "iterations", value_name = "N", default_value_t = 30_000, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, visible_alias = "iterations", value_name = "N", default_value_t = 30_000, value_parser = whole::<u32>(1..=u64::MAX))]
     steps: u32,
-    /// Print JSON
-    #[arg(long)]
-    json: bool,
     #[command(flatten)]
     schedule_flags: ScheduleFlags,
     #[command(flatten)]
-    capture_args: CaptureArgs,
+    capture_args: WholeCaptureArgs,
 }
 
 /// Analyses and prints.
-pub fn run(args: &ScheduleArgs, log: &Log) -> anyhow::Result<()> {
+pub fn run(args: &ScheduleArgs, log: &Log) -> Result<Output> {
     let mut load = LoadOptions::default();
     args.capture_args.apply(&mut load);
     let mut options = FrequencyOptions::default();
@@ -38,6 +38,5 @@ pub fn run(args: &ScheduleArgs, log: &Log) -> anyhow::Result<()> {
     let capture = Capture::load(&args.capture, &load)?;
     log.report(&capture.report);
     let report = ScheduleReport::new(&args.capture, &capture, args.steps, options)?;
-    let printed = if args.json { print_json(&report) } else { report.print() };
-    Ok(printed?)
+    Ok(Output::new("litetex-schedule/1", json!(report), report.tables()))
 }

@@ -1,6 +1,7 @@
 //! Arguments of the frequency scheduler.
 
 use super::capture_args::set;
+use litetex_gs::console::values::{parse_number, parse_whole};
 use litetex_gs::frequency::{CapRule, FrequencyOptions, ScaleRule};
 
 /// Flags of the scheduler; settings whose flag is not given are left alone.
@@ -14,13 +15,13 @@ pub struct ScheduleFlags {
     #[arg(long, value_name = "RULE")]
     pub cap_rule: Option<CapRuleArg>,
     /// Step of a run of 30,000 at which the last stage begins [default: 20000]
-    #[arg(long, value_name = "STEP")]
+    #[arg(long, value_name = "STEP", value_parser = parse_whole::<u32>)]
     pub until: Option<u32>,
     /// Coarsest render scale [default: 4]
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = parse_number)]
     pub max_scale: Option<f64>,
     /// The first stage keeps 1/BETA of the photos' frequency content [default: 3]
-    #[arg(long, value_name = "BETA")]
+    #[arg(long, value_name = "BETA", value_parser = parse_number)]
     pub beta: Option<f64>,
     /// Count white noise as detail, as published, instead of subtracting it first
     #[arg(long)]

@@ -2,21 +2,19 @@
 
 use litetex_gs::capture::Capture;
 use litetex_gs::clock::process_cpu_secs;
-use litetex_gs::console::{Columns, Table, serialize_path};
+use litetex_gs::console::{Table, columns, serialize_path};
 use litetex_gs::frequency::{FrequencyOptions, FrequencySchedule};
 use litetex_gs::text::{format_count, format_duration};
 use litetex_gs::train::{Schedule, StageSpan, TrainConfig, stage_spans};
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result};
 use serde::Serialize;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// A schedule laid out over the steps of a training.
 #[derive(Debug, Serialize)]
 pub struct ScheduleReport {
-    schema: &'static str,
     #[serde(serialize_with = "serialize_path")]
     pub capture: PathBuf,
     /// Steps of the training.
@@ -55,7 +53,6 @@ impl ScheduleReport {
         let timetable = Schedule::new(&config, capture.indices(Split::Train).len());
         let stages = stage_spans(&schedule, &timetable, &config, (width_px, height_px));
         Ok(Self {
-            schema: "litetex-schedule/1",
             capture: path.to_owned(),
             steps,
             schedule_steps: timetable.full_size_from,
@@ -71,11 +68,8 @@ impl ScheduleReport {
         })
     }
 
-    /// Prints two tables.
-    ///
-    /// # Errors
-    /// What writing reports.
-    pub fn print(&self) -> std::io::Result<()> {
+    /// Two tables.
+    pub fn tables(&self) -> String {
         let schedule = &self.schedule;
         let mut table = Table::default();
         table.row("views analysed", schedule.views);
@@ -88,13 +82,9 @@ impl ScheduleReport {
         table.row("pixel work", format!("{:.0} % of full size throughout", 100.0 * self.pixel_work));
         let cpu = format_duration(self.analysis_cpu_secs);
         table.row("analysis", format!("{}, CPU {cpu}", format_duration(self.analysis_secs)));
-        table.print()?;
-        writeln!(std::io::stdout())?;
-        let mut columns =
-            Columns::new(&["steps", "scale", "render scale", "size", "texture cap", "pixel work"]);
-        for s in &self.stages {
+        let row = |s: &StageSpan| {
             let (first, last) = (format_count(s.first_step.into()), format_count(s.last_step.into()));
-            columns.row(vec![
+            vec![
                 format!("{first} - {last}"),
                 match s.scale_from == s.scale_to {
                     true => format!("{:.2}", s.scale_from),
@@ -104,9 +94,11 @@ impl ScheduleReport {
                 format!("{}x{}", s.width_px, s.height_px),
                 s.texture_cap.to_string(),
                 format!("{:.1} %", 100.0 * s.pixel_share),
-            ]);
-        }
-        columns.print()
+            ]
+        };
+        let headings = ["steps", "scale", "render scale", "size", "texture cap", "pixel work"];
+        let rows: Vec<Vec<String>> = self.stages.iter().map(row).collect();
+        format!("{table}\n{}", columns(&headings, &rows))
     }
 }
 

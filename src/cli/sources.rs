@@ -54,6 +54,21 @@ pub fn load_scene(source: &Path, log: &Log) -> Result<(BakedScene, Option<Traine
     Ok((BakedScene { asset, path: trained.path.clone(), contents: None }, Some(trained)))
 }
 
+/// [`load_scene`], or the first layers of an asset.
+///
+/// # Errors
+/// [`Error::Usage`] if the source has no layers, or fewer.
+pub fn load_layers(source: &Path, layers: Option<u32>, log: &Log) -> Result<(BakedScene, Option<Trained>)> {
+    match layers {
+        None => load_scene(source, log),
+        Some(layers) if is_asset(source) => Ok((read_layers(source, Some(layers), log)?, None)),
+        Some(layers) => Err(Error::Usage(format!(
+            "--layers {layers}: {} is no asset; only .ltgs files and glTF files of quality tiny have layers",
+            source.display()
+        ))),
+    }
+}
+
 /// Reads an asset and logs its warnings.
 ///
 /// # Errors
@@ -66,7 +81,7 @@ pub fn read_scene(path: &Path, log: &Log) -> Result<BakedScene> {
 ///
 /// # Errors
 /// [`Error::Usage`] if the asset has fewer layers.
-pub fn read_layers(path: &Path, layers: Option<u32>, log: &Log) -> Result<BakedScene> {
+fn read_layers(path: &Path, layers: Option<u32>, log: &Log) -> Result<BakedScene> {
     let scene = BakedScene::read(path, &ReadLimits { layers, ..read_limits() })?;
     if let Some(wanted) = layers {
         let found = scene.contents.as_ref().map_or(0, |contents| contents.layers.len());

@@ -11,7 +11,7 @@ use super::train_summary;
 use super::{export, orphan, outputs};
 use litetex_gs::backend::Backend;
 use litetex_gs::capture::Capture;
-use litetex_gs::console::{Interrupt, Log, device};
+use litetex_gs::console::{Interrupt, Log, Output, device};
 use litetex_gs::memory::machine_bytes;
 use litetex_gs::run::{Recorder, ResourceEstimate, Summary, Workload, fresh_state};
 use litetex_gs::train::{Schedule, StopReason, TrainState, check_limits, train};
@@ -22,7 +22,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 /// Trains and prints the result.
-pub fn run(args: TrainArgs, log: &Log) -> anyhow::Result<()> {
+pub fn run(args: TrainArgs, log: &Log) -> Result<Output> {
     if args.end_with_stdin {
         orphan::end_with_stdin();
     }
@@ -30,15 +30,17 @@ pub fn run(args: TrainArgs, log: &Log) -> anyhow::Result<()> {
     // Before hours of training, not after.
     outputs::check(None, &args.export, &asset)?;
     let Trained { summary, run, live } = train_run(&args, log)?;
-    train_summary::print(&summary)?;
+    let mut output = train_summary::output(&summary);
     if !args.export.is_empty() {
         let (scene, trained) = load_scene(&run, log)?;
-        export::write_all((scene, trained.as_ref()), &args.export, &asset, &args.device, log)?.print()?;
+        let exports = export::write_all((scene, trained.as_ref()), &args.export, &asset, &args.device, log)?;
+        output = output.with("exports", exports.output());
     }
-    if let Some(live) = live {
-        live.stay(&run, log)?;
-    }
-    Ok(())
+    let Some(live) = live else { return Ok(output) };
+    // The page stays until the user closes it.
+    log.print(output)?;
+    live.stay(&run, log)?;
+    Ok(Output::default())
 }
 
 /// A run that is done.
@@ -77,14 +79,14 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<Trained> {
     for part in schedule.inactive(&job.config.train) {
         log.info(&format!("without effect in this run: {part}"));
     }
-    let live = args.view.then(|| LiveView::start(args.view_port)).transpose()?;
+    let live = args.view.map(LiveView::start).transpose()?;
     let folder = job.open_folder(state.step)?;
     let total_secs = move || earlier_secs + started.elapsed().as_secs_f64();
     let interrupt = Interrupt::listen(log, "saving the run")?;
     let recorder = Recorder::new(&folder, &*capture, &job.config, state.step, total_secs)?;
     let progress = Progress::new(log, state.step, job.config.train.steps, job.config.train.max_time_secs);
     let mut session = Session::new(recorder, progress, log, interrupt);
-    let follow = |live: &LiveView| live.follow(&folder, &capture, &job.config, args.no_open, log);
+    let follow = |live: &LiveView| live.follow(&folder, &capture, &job.config, log);
     session.preview = live.as_ref().map(follow).transpose()?;
     let outcome =
         train(&job.config.train, backend.as_mut(), &*capture, state, &mut |event| session.handle(event));

@@ -1,13 +1,12 @@
 //! Arguments of `litetex train`, and how they change the settings of a run.
 
-use super::capture_args::{CaptureArgs, set};
-use super::training_values::{Background, parse_backdrop, parse_background, parse_exposure, parse_filter};
+use super::capture_args::{CaptureArgs, set, set_some};
+use super::training_values::{Background, View, parse_background, parse_view};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use litetex_gs::console::values::{parse_count, parse_duration_secs, parse_whole};
-use litetex_gs::model::Filter;
-use litetex_gs::run::{InitSource, Profile, RunConfig, SaveImages};
+use litetex_gs::console::values::{parse_count, parse_decibels, parse_duration_secs, parse_whole, whole};
+use litetex_gs::run::{InitSource, Profile, RunConfig};
 use litetex_gs::train::density::Components;
-use litetex_gs::train::{Backdrop, Exposure, Policy, TrainConfig, policies};
+use litetex_gs::train::{Policy, policies};
 use litetex_gs::{Error, Result};
 use std::path::PathBuf;
 
@@ -48,15 +47,11 @@ pub struct TrainArgs {
     /// Also write the trained scene as an asset; several files may follow. "litetex export" has more options
     #[arg(long, value_name = "FILE", num_args = 1..)]
     pub export: Vec<PathBuf>,
-    /// Show the model in the browser while it trains, and its result until Ctrl-C; costs 3 % of the time at most
-    #[arg(long, help_heading = "Viewer")]
-    pub view: bool,
-    /// Port of the page's address [default: any that is free]
-    #[arg(long, value_name = "N", requires = "view", value_parser = clap::value_parser!(u16).range(1..), help_heading = "Viewer")]
-    pub view_port: Option<u16>,
-    /// Print the address without opening the browser, on whose command line other users of the machine may see it
-    #[arg(long, requires = "view", help_heading = "Viewer")]
-    pub no_open: bool,
+    /// Show the model in the browser while it trains, and its result until Ctrl-C; costs 3 % of the time at most. With "=no-open",
+    /// only print the address, since other users of the machine may see the browser's command line; with "=PORT", the same on
+    /// this port
+    #[arg(long, value_name = "no-open|PORT", num_args = 0..=1, require_equals = true, default_missing_value = "open", value_parser = parse_view)]
+    pub view: Option<View>,
     /// Stop at once when standard input ends: "litetex-lab bench" starts its runs this way
     #[arg(long, hide = true)]
     pub end_with_stdin: bool,
@@ -74,7 +69,7 @@ pub struct TrainArgs {
 #[command(next_help_heading = "Training")]
 pub struct TrainingArgs {
     /// Number of steps; all schedules scale with it [default: 30000]
-    #[arg(long, visible_alias = "iterations", value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, visible_alias = "iterations", value_name = "N", value_parser = whole::<u32>(1..=u64::MAX))]
     pub steps: Option<u32>,
     /// Stop early after this much training time: 90s, 20m, 1h30m [default: no limit]
     #[arg(long, value_name = "TIME", value_parser = parse_duration_secs)]
@@ -82,9 +77,6 @@ pub struct TrainingArgs {
     /// Seed of all random numbers [default: 42]
     #[arg(long, value_name = "N", value_parser = parse_whole::<u64>)]
     pub seed: Option<u64>,
-    /// Highest degree of the spherical harmonics, 0 to 3 [default: 3]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=3))]
-    pub sh_degree: Option<u32>,
     /// Named set of defaults [default: default]
     #[arg(long, value_name = "NAME", value_parser = profile_parser())]
     pub profile: Option<Profile>,
@@ -93,58 +85,27 @@ pub struct TrainingArgs {
     /// Parts of the method to switch off: scheduler, pruning, growth, update-rule, splitting, coarsening
     #[arg(long, value_name = "PART,...", value_delimiter = ',', value_parser = Components::NAMES)]
     pub without: Vec<String>,
-    /// Parts of the method to switch on again
-    #[arg(long, value_name = "PART,...", value_delimiter = ',', value_parser = Components::NAMES)]
-    pub with: Vec<String>,
-    /// Any setting of config.toml by name, such as density.quantile=0.8; may be repeated
+    /// Any setting of config.toml by name, such as sh-degree=2, exposure=affine, budget.max-splats=50000, save-every=5000, save-images=none,
+    /// capture.mask-invert=true or density.quantile=0.8; may be repeated
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub settings: Vec<String>,
-    /// Largest number of splats
-    #[arg(long, value_name = "N", value_parser = parse_count, help_heading = "Budget")]
-    pub max_splats: Option<usize>,
-    /// Largest number of texels
-    #[arg(long, value_name = "N", value_parser = parse_count, help_heading = "Budget")]
-    pub max_texels: Option<usize>,
     /// Largest number of parameters, such as 500k or 5M: a splat has 58 at SH degree 3 and 22 at degree 1, a texture map 2 and 3 per texel
     #[arg(long, value_name = "N", value_parser = parse_count, help_heading = "Budget")]
     pub budget_params: Option<usize>,
     /// End growth, and give parameters back, where 10 % of them improve the training views by less than this, dB of PSNR; 0: neither
-    #[arg(long, value_name = "DB", help_heading = "Budget")]
+    #[arg(long, value_name = "DB", value_parser = parse_decibels, help_heading = "Budget")]
     pub need: Option<f64>,
-    /// Initialise from at most this many points, chosen at random
-    #[arg(long, value_name = "N", value_parser = parse_count)]
-    pub max_points: Option<usize>,
     /// Initial points: auto (the capture's; where they are few, more found in the photos; random if none are found), sfm
     /// (the capture's only), ply:FILE, random:N [default: auto]
     #[arg(long, value_name = "SOURCE")]
     pub init: Option<InitSource>,
-    /// Large splats behind the points, where rays of the training views meet none, such as the sky: auto (not if photos
-    /// have transparent pixels) or none [default: auto]
-    #[arg(long, value_name = "WHERE", value_parser = parse_backdrop)]
-    pub backdrop: Option<Backdrop>,
-    /// Photos of different exposure or white balance: affine (estimate an affine colour map for each training photo) or
-    /// none [default: none]
-    #[arg(long, value_name = "HOW", value_parser = parse_exposure)]
-    pub exposure: Option<Exposure>,
-    /// Low-pass filter in the image, which keeps splats narrower than a pixel from aliasing: ewa or none [default: ewa]
-    #[arg(long, value_name = "NAME", value_parser = parse_filter)]
-    pub filter: Option<Filter>,
     /// Colour of the background: black, white, #rrggbb, r,g,b from 0 to 1, or random (a new colour in each step, so that
     /// transparent parts of photos stay empty; test images and exports have black) [default: black]
     #[arg(long, value_name = "COLOUR", value_parser = parse_background)]
     pub background: Option<Background>,
     /// Evaluate the test views every N steps; 0: only at the end [default: 0]
-    #[arg(long, value_name = "N", help_heading = "Output")]
+    #[arg(long, value_name = "N", value_parser = parse_whole::<u32>, help_heading = "Output")]
     pub eval_every: Option<u32>,
-    /// Save a checkpoint every N steps; 0: only at the end [default: 0]
-    #[arg(long, value_name = "N", help_heading = "Output")]
-    pub save_every: Option<u32>,
-    /// Keep the images of every evaluation, not only of the last
-    #[arg(long, conflicts_with = "no_save_images", help_heading = "Output")]
-    pub save_images: bool,
-    /// Write no images of test views
-    #[arg(long, help_heading = "Output")]
-    pub no_save_images: bool,
 }
 
 impl TrainArgs {
@@ -165,39 +126,22 @@ impl TrainArgs {
             config.train.density.need_db = need;
             config.train.density.give_back_db = need;
         }
-        let budget = &mut config.train.budget;
-        for (to, from) in [
-            (&mut budget.max_splats, t.max_splats),
-            (&mut budget.max_texels, t.max_texels),
-            (&mut budget.max_params, t.budget_params),
-            (&mut config.max_points, t.max_points),
-        ] {
-            *to = from.or(*to);
-        }
+        set_some(&mut config.train.budget.max_params, &t.budget_params);
         set(&mut config.train.steps, t.steps);
         set(&mut config.train.seed, t.seed);
-        set(&mut config.train.sh_degree, t.sh_degree);
         set(&mut config.train.policy, t.policy);
-        self.switch_components(&mut config.train)?;
-        set(&mut config.train.backdrop, t.backdrop);
-        set(&mut config.train.exposure, t.exposure);
-        set(&mut config.train.filter, t.filter);
+        for name in &t.without {
+            if let Some(switch) = config.train.components.switch(name) {
+                *switch = false;
+            }
+        }
         if let Some(background) = t.background {
             config.train.random_background = background == Background::Random;
             config.train.background = background.in_images();
         }
         set(&mut config.train.eval_every, t.eval_every);
-        set(&mut config.train.save_every, t.save_every);
         set(&mut config.init, t.init.clone());
-        if t.max_time.is_some() {
-            config.train.max_time_secs = t.max_time;
-        }
-        if t.save_images {
-            config.save_images = SaveImages::All;
-        }
-        if t.no_save_images {
-            config.save_images = SaveImages::None;
-        }
+        set_some(&mut config.train.max_time_secs, &t.max_time);
         if self.capture.is_some() {
             config.data.clone_from(&self.capture);
         }
@@ -205,34 +149,16 @@ impl TrainArgs {
         config.follow_background();
         config.check().map_err(Error::Usage)
     }
-
-    fn switch_components(&self, config: &mut TrainConfig) -> Result<()> {
-        let t = &self.training;
-        for (names, on) in [(&t.without, false), (&t.with, true)] {
-            for name in names {
-                if on && t.without.contains(name) {
-                    return Err(Error::Usage(format!("--with and --without both name {name:?}")));
-                }
-                if let Some(switch) = config.components.switch(name) {
-                    *switch = on;
-                }
-                if on && config.active_components().switch(name) == Some(&mut false) {
-                    let policy = config.policy;
-                    return Err(Error::Usage(format!(
-                        "--with {name}: the policy {policy} has no such part; choose another policy, such as litetex"
-                    )));
-                }
-            }
-        }
-        Ok(())
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use clap::Parser as _;
+    use litetex_gs::model::Filter;
+    use litetex_gs::run::SaveImages;
     use litetex_gs::train::density::DensityConfig;
+    use litetex_gs::train::{Backdrop, Exposure};
 
     #[derive(clap::Parser)]
     struct Line {
@@ -269,17 +195,31 @@ mod tests {
     }
 
     #[test]
-    fn switches_without_effect_are_refused() {
+    fn parts_are_switched_off() {
         let refused = |flags: &str, part: &str| {
             let error = over(RunConfig::default(), flags).unwrap_err();
             assert!(error.exit_code() == 2 && error.to_string().contains(part), "{error}");
         };
         refused("--policy cat", "--profile cat");
-        refused("--profile cat --with pruning", "the policy cat has no such part");
-        refused("--policy plain --with splitting", "the policy plain has no such part");
-        refused("--with growth --without growth", "--with and --without both");
-        assert!(over(RunConfig::default(), "--with growth --without pruning").is_ok());
-        let cat = over(RunConfig::default(), "--profile cat").unwrap();
-        assert!(over(cat, "--policy litetex --with scheduler").is_ok());
+        let without = over(RunConfig::default(), "--without growth,pruning").unwrap().train.components;
+        assert!(!without.growth && !without.pruning && without.splitting);
+    }
+
+    #[test]
+    fn set_reaches_what_has_no_flag() {
+        let settings = "sh-degree=1 max-points=5 budget.max-splats=9 budget.max-texels=8 filter=none backdrop=none \
+                        exposure=affine save-every=3 save-images=none capture.mask-invert=true \
+                        capture.format=colmap capture.image-cache-bytes=1024";
+        let flags: String = settings.split_whitespace().map(|setting| format!("--set {setting} ")).collect();
+        let RunConfig { train, capture, max_points, save_images, .. } =
+            over(RunConfig::default(), &flags).unwrap();
+        assert_eq!((train.sh_degree, train.save_every, max_points), (1, 3, Some(5)));
+        assert_eq!((train.budget.max_splats, train.budget.max_texels), (Some(9), Some(8)));
+        assert_eq!(
+            (train.filter, train.backdrop, train.exposure),
+            (Filter::None, Backdrop::None, Exposure::Affine)
+        );
+        assert_eq!((capture.mask_invert, capture.image_cache_bytes), (true, 1024));
+        assert!(capture.format.is_some() && save_images == SaveImages::None);
     }
 }

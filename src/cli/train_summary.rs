@@ -1,11 +1,12 @@
 //! The result of a training as a short table.
 
-use litetex_gs::console::Table;
+use litetex_gs::console::{Output, Table};
 use litetex_gs::run::{GrowthFigures, Summary};
 use litetex_gs::text::{format_bytes, format_count, format_duration};
+use serde_json::json;
 
-/// Prints the result as a short table.
-pub fn print(s: &Summary) -> std::io::Result<()> {
+/// The result of a training, as a short table and as `summary.json` has it.
+pub fn output(s: &Summary) -> Output {
     let mut table = Table::default();
     table.row("scene", &s.scene);
     table.row("steps", format!("{} ({})", format_count(u64::from(s.steps)), s.stopped_by));
@@ -37,5 +38,5 @@ pub fn print(s: &Summary) -> std::io::Result<()> {
         table.row("rendering", format!("{:.1} fps at {} x {}", fps.median, fps.width_px, fps.height_px));
     }
     table.row("device", format!("{}: {}", s.device.name, s.device.description));
-    table.print()
+    Output::new(&s.schema, json!(s), table)
 }

@@ -1,35 +1,6 @@
 //! Values of `litetex train` as typed.
 
 use litetex_gs::console::values::parse_colour;
-use litetex_gs::model::Filter;
-use litetex_gs::train::{Backdrop, Exposure};
-
-/// Reads whether to add a backdrop: "auto" or "none".
-pub fn parse_backdrop(text: &str) -> Result<Backdrop, String> {
-    match text {
-        "auto" => Ok(Backdrop::Auto),
-        "none" => Ok(Backdrop::None),
-        _ => Err(format!("{text:?}: expected auto or none")),
-    }
-}
-
-/// Reads a low-pass filter: "none" or "ewa".
-pub fn parse_filter(text: &str) -> Result<Filter, String> {
-    match text {
-        "none" => Ok(Filter::None),
-        "ewa" => Ok(Filter::Ewa),
-        _ => Err(format!("{text:?}: expected none or ewa")),
-    }
-}
-
-/// Reads how exposures are treated: "none" or "affine".
-pub fn parse_exposure(text: &str) -> Result<Exposure, String> {
-    match text {
-        "none" => Ok(Exposure::None),
-        "affine" => Ok(Exposure::Affine),
-        _ => Err(format!("{text:?}: expected none or affine")),
-    }
-}
 
 /// `--background` of a training run.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,5 +28,42 @@ pub fn parse_background(text: &str) -> Result<Background, String> {
         _ => parse_colour(text)
             .map(Background::Colour)
             .map_err(|wrong| wrong.replace("expected black", "expected random, black")),
+    }
+}
+
+/// How the page of a training is shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum View {
+    /// In the browser, on any free port.
+    Open,
+    /// By its address, on any free port.
+    Address,
+    /// By its address, on this port.
+    Port(u16),
+}
+
+/// Reads how a page is shown: "open", "no-open" or a port.
+pub fn parse_view(text: &str) -> Result<View, String> {
+    match (text, text.parse()) {
+        ("open", _) => Ok(View::Open),
+        ("no-open", _) => Ok(View::Address),
+        (_, Ok(port @ 1..)) => Ok(View::Port(port)),
+        _ => Err("expected no-open or a port from 1 to 65535".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pages_and_backgrounds_are_parsed() {
+        assert_eq!(["no-open", "8000"].map(parse_view), [Ok(View::Address), Ok(View::Port(8000))]);
+        for wrong in ["0", "65536", "yes"] {
+            assert!(parse_view(wrong).unwrap_err().contains("a port from 1"), "{wrong}");
+        }
+        assert_eq!(parse_background("random"), Ok(Background::Random));
+        assert_eq!(parse_background("white"), Ok(Background::Colour([1.0; 3])));
+        assert!(parse_background("rainbow").unwrap_err().contains("expected random, black"));
     }
 }

@@ -1,6 +1,5 @@
 //! The pixels of the test views that another run leaves uncovered, and the error of a run there.
 
-use super::extra_figures::ExtraFigures;
 use super::sources::on_device;
 use litetex_gs::Result;
 use litetex_gs::backend::RenderedImage;
@@ -10,6 +9,7 @@ use litetex_gs::eval::{ImagePair, psnr_from_squares, squared_error, uncovered_pi
 use litetex_gs::run::Trained;
 use litetex_gs::verify::CaptureIdentity;
 use litetex_gs::views::{Split, ViewSource as _};
+use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -52,10 +52,12 @@ impl UncoveredArea {
     fn psnr(&self) -> Option<f64> {
         (self.pixels > 0).then(|| psnr_from_squares((self.squares, self.pixels)))
     }
-}
 
-impl ExtraFigures for UncoveredArea {
-    fn add(&mut self, capture: &Capture, view: usize, image: &RenderedImage) -> Result<()> {
+    /// Adds a test view; `image` is its render.
+    ///
+    /// # Errors
+    /// What decoding the photo found.
+    pub fn add(&mut self, capture: &Capture, view: usize, image: &RenderedImage) -> Result<()> {
         let mut pair = ImagePair::new(&image.rgb, &*capture.target(view)?);
         pair.unmasked = Some(self.masks[&view].clone());
         let (squares, pixels) = squared_error(&pair);
@@ -64,12 +66,14 @@ impl ExtraFigures for UncoveredArea {
         Ok(())
     }
 
-    fn json(&self) -> (&'static str, serde_json::Value) {
+    /// The figures as JSON.
+    pub fn json(&self) -> Value {
         let (checkpoint, psnr) = (path_text(&self.path), self.psnr());
-        ("uncovered_by", serde_json::json!({ "checkpoint": checkpoint, "pixels": self.pixels, "psnr": psnr }))
+        json!({ "checkpoint": checkpoint, "pixels": self.pixels, "psnr": psnr })
     }
 
-    fn rows(&self, table: &mut Table) {
+    /// A row for people.
+    pub fn row(&self, table: &mut Table) {
         let text = match self.psnr() {
             Some(psnr) => format!("{psnr:.2} dB over {} pixels", self.pixels),
             None => "every pixel is covered".to_owned(),

@@ -1,8 +1,9 @@
 //! `litetex validate`: checks a file against the rules of its format.
 
 use litetex_exporters::{Issue, Severity, validate_file};
-use litetex_gs::Error;
-use litetex_gs::console::{Table, path_text, print_json};
+use litetex_gs::console::{Output, Table, path_text};
+use litetex_gs::{Error, Result};
+use serde_json::json;
 use std::path::PathBuf;
 
 /// Check a file against the rules of its format
@@ -13,43 +14,28 @@ pub struct ValidateArgs {
     /// File to validate
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// Print JSON
-    #[arg(long)]
-    json: bool,
 }
 
 /// Checks and prints.
-pub fn run(args: &ValidateArgs) -> anyhow::Result<()> {
+pub fn run(args: &ValidateArgs) -> Result<Output> {
     let issues = validate_file(&args.file).map_err(Error::from)?;
     let errors = issues.iter().filter(|i| i.severity == Severity::Error).count();
-    if args.json {
-        let of_issue = |i: &Issue| serde_json::json!({ "code": i.code, "severity": name(i.severity), "place": i.place, "message": i.message });
-        print_json(&serde_json::json!({
-            "schema": "litetex-validate/1",
-            "file": path_text(&args.file),
-            "valid": errors == 0,
-            "issues": issues.iter().map(of_issue).collect::<Vec<_>>(),
-        }))?;
-    } else {
-        let mut table = Table::default();
-        for issue in &issues {
-            let place = if issue.place.is_empty() { String::new() } else { format!("{}: ", issue.place) };
-            table.row(
-                &format!("{} {}", issue.code, name(issue.severity)),
-                format!("{place}{}", issue.message),
-            );
-        }
-        let verdict = if errors == 0 { "valid" } else { "not valid" };
-        table.row(
-            verdict,
-            format!("{}: {errors} errors, {} issues in all", args.file.display(), issues.len()),
-        );
-        table.print()?;
+    let of_issue = |i: &Issue| json!({ "code": i.code, "severity": name(i.severity), "place": i.place, "message": i.message });
+    let found = json!({
+        "file": path_text(&args.file),
+        "valid": errors == 0,
+        "issues": issues.iter().map(of_issue).collect::<Vec<_>>(),
+    });
+    let mut table = Table::default();
+    for issue in &issues {
+        let place = if issue.place.is_empty() { String::new() } else { format!("{}: ", issue.place) };
+        table.row(&format!("{} {}", issue.code, name(issue.severity)), format!("{place}{}", issue.message));
     }
-    if errors == 0 {
-        return Ok(());
-    }
-    Err(Error::CheckFailed(format!("{}: breaks {errors} rules", args.file.display())).into())
+    let verdict = if errors == 0 { "valid" } else { "not valid" };
+    table.row(verdict, format!("{}: {errors} errors, {} issues in all", args.file.display(), issues.len()));
+    let failure =
+        (errors > 0).then(|| Error::CheckFailed(format!("{}: breaks {errors} rules", args.file.display())));
+    Ok(Output::new("litetex-validate/1", found, table).failing(failure))
 }
 
 fn name(severity: Severity) -> &'static str {

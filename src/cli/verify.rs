@@ -2,16 +2,17 @@
 
 use super::sources::{load_scene, open_photos, read_limits, read_scene};
 use litetex_exporters::{AssetCamera, Format, SplatAsset, Transform, read_fallback};
-use litetex_gs::Error;
 use litetex_gs::bake::asset_cameras;
 use litetex_gs::capture::Capture;
 use litetex_gs::console::device;
-use litetex_gs::console::values::parse_decibels;
-use litetex_gs::console::{Interrupt, Log, Table, path_text, print_json};
+use litetex_gs::console::values::{parse_decibels, whole};
+use litetex_gs::console::{Interrupt, Log, Output, Table, path_text};
 use litetex_gs::verify::{
     ExpectedImages, PhotoPsnr, QualityLimits, ReadBack, SceneRenderer, Verdict, evenly_spread, verify,
 };
 use litetex_gs::views::ViewSource;
+use litetex_gs::{Error, Result};
+use serde_json::json;
 use std::path::PathBuf;
 
 /// Verify that a file renders like the scene it was made from
@@ -32,7 +33,7 @@ pub struct VerifyArgs {
     #[arg(long, value_name = "DIR")]
     capture: Option<PathBuf>,
     /// Render this many views, evenly spread [default: all]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", value_parser = whole::<u32>(1..=u64::MAX))]
     views: Option<u32>,
     /// Allow this much PSNR to be lost on average, such as 0.1dB, instead of the quality's limit
     #[arg(long, value_name = "DB", value_parser = parse_decibels)]
@@ -40,20 +41,17 @@ pub struct VerifyArgs {
     /// Require this PSNR against the scene's images, instead of the quality's limits
     #[arg(long, value_name = "DB", value_parser = parse_decibels)]
     min_psnr: Option<f64>,
-    /// Print JSON
-    #[arg(long)]
-    json: bool,
     /// Where to compute
     #[arg(long, value_name = "NAME", default_value = "auto", help_heading = "Device")]
     device: String,
 }
 
 /// Renders, compares, prints.
-pub fn run(args: &VerifyArgs, log: &Log) -> anyhow::Result<()> {
+pub fn run(args: &VerifyArgs, log: &Log) -> Result<Output> {
     let format = Format::of(&args.file).map_err(Error::from)?;
     let file = read_scene(&args.file, log)?;
     let (scene, trained) = load_scene(&args.against, log)?;
-    let Some(contents) = &file.contents else { return Err(Error::Usage("not a file".into()).into()) };
+    let Some(contents) = &file.contents else { return Err(Error::Usage("not a file".into())) };
     let mut limits = QualityLimits::of_file(&args.file, contents);
     if args.max_loss.is_some() || args.min_psnr.is_some() {
         limits = QualityLimits { max_loss_db: args.max_loss, min_psnr: args.min_psnr, ..QualityLimits::NONE };
@@ -70,26 +68,20 @@ pub fn run(args: &VerifyArgs, log: &Log) -> anyhow::Result<()> {
     let expected = ExpectedImages::render(&mut renderer, &scene.asset, &views)?;
     let photos = photos.as_ref().map(|capture| capture as &dyn ViewSource);
     let verdict = verify(&mut renderer, &expected, read_back, photos, limits)?;
-    if args.json {
-        print_json(&serde_json::json!({
-            "schema": "litetex-verify/1",
-            "file": path_text(&args.file),
-            "format": contents.format,
-            "against": path_text(&scene.path),
-            "verified": verdict.failures.is_empty(),
-            "verdict": verdict,
-        }))?;
-    } else {
-        let mut table = Table::default();
-        table.row("file", format!("{} ({})", args.file.display(), contents.format));
-        table.row("against", scene.path.display());
-        add_rows(&verdict, &mut table);
-        table.print()?;
-    }
-    if verdict.failures.is_empty() {
-        return Ok(());
-    }
-    Err(Error::CheckFailed(format!("{}: {}", args.file.display(), verdict.failures.join("; "))).into())
+    let found = json!({
+        "file": path_text(&args.file),
+        "format": contents.format,
+        "against": path_text(&scene.path),
+        "verified": verdict.failures.is_empty(),
+        "verdict": verdict,
+    });
+    let mut table = Table::default();
+    table.row("file", format!("{} ({})", args.file.display(), contents.format));
+    table.row("against", scene.path.display());
+    add_rows(&verdict, &mut table);
+    let failure = (!verdict.failures.is_empty())
+        .then(|| Error::CheckFailed(format!("{}: {}", args.file.display(), verdict.failures.join("; "))));
+    Ok(Output::new("litetex-verify/1", found, table).failing(failure))
 }
 
 /// The cameras of a scene, or those of its capture if the scene has none.

@@ -8,11 +8,13 @@ use super::view_scene::{name_of, served};
 use crate::viewer::{Server, Shown};
 use litetex_exporters::Format;
 use litetex_gs::capture::Capture;
-use litetex_gs::console::{Interrupt, Log};
+use litetex_gs::console::values::whole;
+use litetex_gs::console::{Interrupt, Log, Output};
 use litetex_gs::run::{RUN_OR_CHECKPOINT, is_run};
 use litetex_gs::verify::BakedScene;
 use litetex_gs::{Error, Result};
-use std::io::{ErrorKind, Write};
+use serde_json::json;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -44,7 +46,7 @@ pub struct ViewArgs {
 #[derive(clap::Args, Clone, Debug, Default)]
 pub struct ServerArgs {
     /// Port of the page's address [default: any that is free]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(long, value_name = "N", value_parser = whole::<u16>(1..=u64::MAX))]
     pub port: Option<u16>,
     /// Print the address without opening the browser, on whose command line other users of the machine may see it
     #[arg(long)]
@@ -52,7 +54,7 @@ pub struct ServerArgs {
 }
 
 /// Serves until Ctrl-C.
-pub fn run(args: &ViewArgs, log: &Log) -> anyhow::Result<()> {
+pub fn run(args: &ViewArgs, log: &Log) -> Result<Output> {
     let interrupt = Interrupt::listen(log, "closing the viewer")?;
     let shown = Arc::new(Shown::default());
     let mut watch = show(args, &shown, log)?;
@@ -66,7 +68,7 @@ pub fn run(args: &ViewArgs, log: &Log) -> anyhow::Result<()> {
             looked = Instant::now();
         }
     }
-    Err(Error::Interrupted.into())
+    Err(Error::Interrupted)
 }
 
 /// What is looked at again and again.
@@ -175,9 +177,7 @@ pub fn start(port: Option<u16>, option: &str, shown: &Arc<Shown>) -> Result<Serv
 /// [`Error::Io`] if the address cannot be printed.
 pub fn announce(server: &Server, no_open: bool, log: &Log) -> Result<()> {
     let url = server.url();
-    let mut out = std::io::stdout().lock();
-    writeln!(out, "{url}").and_then(|()| out.flush()).map_err(|e| Error::io("standard output", e))?;
-    drop(out);
+    log.print(Output::new("litetex-view/1", json!({ "url": url }), format!("{url}\n")))?;
     log.info("the page is for this machine's browser; Ctrl-C closes it");
     if !no_open && let Err(error) = open::that_detached(&url) {
         let what = format!("no browser could be opened ({error}); open the address in one, or use --no-open");

@@ -1,6 +1,7 @@
 //! Options of every subcommand.
 
 use super::log::LogFormat;
+use super::values::whole;
 
 /// Options of every subcommand.
 #[derive(clap::Args)]
@@ -15,8 +16,11 @@ pub struct CommonArgs {
     #[arg(long, global = true, value_name = "FORM", default_value = "text", help_heading = "Messages")]
     pub log_format: LogFormat,
     /// Number of worker threads; does not affect the results [default: one per core]
-    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Device")]
+    #[arg(long, global = true, value_name = "N", value_parser = whole::<u16>(1..=1024), help_heading = "Device")]
     pub threads: Option<u16>,
+    /// Print the report as JSON
+    #[arg(long, global = true, help_heading = "Messages")]
+    pub json: bool,
     /// Parse the arguments and end: "litetex-lab bench" asks this way whether those of a matrix are right
     #[arg(long, global = true, hide = true)]
     pub parse_only: bool,

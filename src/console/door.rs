@@ -3,7 +3,8 @@
 
 use super::common_args::CommonArgs;
 use super::log::Log;
-use crate::Error;
+use super::output::Output;
+use crate::{Error, Result};
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{CommandFactory, FromArgMatches};
 use std::path::Path;
@@ -14,11 +15,11 @@ pub trait Program: CommandFactory + FromArgMatches {
     /// The options that all its commands have.
     fn common(&self) -> &CommonArgs;
 
-    /// Runs the command.
+    /// Runs the command and returns its report.
     ///
     /// # Errors
     /// What ended it.
-    fn run(self, log: &Log) -> anyhow::Result<()>;
+    fn run(self, log: &Log) -> Result<Output>;
 }
 
 /// Parses the arguments, runs the command and returns the exit code of its error's family.
@@ -37,24 +38,26 @@ pub fn enter<P: Program>() -> ExitCode {
     if common.parse_only {
         return ExitCode::SUCCESS;
     }
-    let log = Log::new(common.log_format, common.quiet, common.verbose);
-    match set_threads(common.threads).and_then(|()| program.run(&log)) {
+    let log = Log::new(common.log_format, common.quiet, common.verbose).with_json(common.json);
+    let outcome = set_threads(common.threads).and_then(|()| program.run(&log));
+    match outcome.and_then(|output| log.print(output)) {
         Ok(()) => ExitCode::SUCCESS,
-        Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
-        Err(error) if exit_code(&error) == 130 => {
+        // The reader closed the pipe, as `head` does.
+        Err(Error::Io { cause, .. }) if cause.kind() == std::io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
+        Err(Error::Interrupted) => {
             // The command has said where to continue.
             log.detail("interrupted");
-            ExitCode::from(130)
+            ExitCode::from(Error::Interrupted.exit_code())
         }
         Err(error) => {
-            log.error(&format!("{error:#}"));
-            ExitCode::from(exit_code(&error))
+            log.error(&error.to_string());
+            ExitCode::from(error.exit_code())
         }
     }
 }
 
 /// The command line with options that take "-1" as a value, so that each option's parser rejects it with its own message.
-pub fn with_numbers_as_values(command: clap::Command) -> clap::Command {
+fn with_numbers_as_values(command: clap::Command) -> clap::Command {
     command
         .mut_args(|arg| match arg.get_action().takes_values() && !arg.is_positional() {
             true => arg.allow_negative_numbers(true),
@@ -74,24 +77,8 @@ fn without_useless_tip(mut error: clap::Error) -> clap::Error {
     error
 }
 
-fn set_threads(threads: Option<u16>) -> anyhow::Result<()> {
+fn set_threads(threads: Option<u16>) -> Result<()> {
     let Some(threads) = threads else { return Ok(()) };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads));
-    Ok(pool.build_global().map_err(|e| Error::Device(format!("--threads {threads}: {e}")))?)
-}
-
-/// Exit code of the first error in the chain that has one; 5 if none has.
-fn exit_code(error: &anyhow::Error) -> u8 {
-    error.chain().find_map(|e| e.downcast_ref::<Error>()).map_or(5, Error::exit_code)
-}
-
-/// Whether the reader closed the pipe, as `head` does, which is not a failure.
-fn is_broken_pipe(error: &anyhow::Error) -> bool {
-    error.chain().any(|e| {
-        let io = match e.downcast_ref::<Error>() {
-            Some(Error::Io { cause, .. }) => Some(cause),
-            _ => e.downcast_ref::<std::io::Error>(),
-        };
-        io.is_some_and(|e| e.kind() == std::io::ErrorKind::BrokenPipe)
-    })
+    pool.build_global().map_err(|e| Error::Device(format!("--threads {threads}: {e}")))
 }

@@ -1,6 +1,6 @@
-//! Messages on standard error, as text or as one JSON object per line. Results go to standard output, through
-//! `table`.
+//! Messages on standard error, as text or as one JSON object per line. Reports go to standard output, see `output`.
 
+use super::output::Output;
 use crate::text::printable;
 use indicatif::ProgressBar;
 use serde_json::{Value, json};
@@ -21,6 +21,7 @@ pub struct Log {
     format: LogFormat,
     quiet: bool,
     verbosity: u8,
+    prints_json: bool,
     /// A progress bar that is hidden while a message is written.
     bar: RefCell<Option<ProgressBar>>,
 }
@@ -28,7 +29,20 @@ pub struct Log {
 impl Log {
     /// A log of messages in one form; `quiet` leaves errors and warnings.
     pub fn new(format: LogFormat, quiet: bool, verbosity: u8) -> Self {
-        Self { format, quiet, verbosity, bar: RefCell::new(None) }
+        Self { format, quiet, verbosity, prints_json: false, bar: RefCell::new(None) }
+    }
+
+    /// The same, whose reports are JSON.
+    pub fn with_json(self, prints_json: bool) -> Self {
+        Self { prints_json, ..self }
+    }
+
+    /// Prints a report now, for commands that go on after it.
+    ///
+    /// # Errors
+    /// [`crate::Error::Io`], and the error that the report ends with.
+    pub fn print(&self, output: Output) -> crate::Result<()> {
+        output.print(self.prints_json)
     }
 
     /// Form of the messages.

@@ -4,15 +4,17 @@
 mod common_args;
 pub mod device;
 mod door;
+mod free_files;
 mod interrupt;
 mod log;
-mod outputs;
+mod output;
 mod table;
 pub mod values;
 
 pub use common_args::CommonArgs;
-pub use door::{Program, enter, with_numbers_as_values};
+pub use door::{Program, enter};
+pub use free_files::check_free;
 pub use interrupt::Interrupt;
 pub use log::{Log, LogFormat, write_line};
-pub use outputs::check_free;
-pub use table::{Columns, Table, path_text, print_columns, print_json, serialize_path};
+pub use output::Output;
+pub use table::{Table, columns, path_text, serialize_path};

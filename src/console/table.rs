@@ -1,8 +1,8 @@
-//! Results on standard output: short aligned tables and JSON. Cells may hold names from files, so that control
+//! Results for people: short aligned tables. Cells may hold names from files, so that control
 //! characters are escaped here.
 
 use crate::text::printable;
-use std::io::Write;
+use std::fmt;
 use std::path::Path;
 
 /// Rows of a name and a value, aligned.
@@ -17,55 +17,12 @@ impl Table {
         self.rows.push((printable(name, &[]).into_owned(), printable(&value.to_string(), &[]).into_owned()));
         self
     }
+}
 
-    /// Prints the table.
-    ///
-    /// # Errors
-    /// What writing reports; a closed pipe counts as success in `main`.
-    pub fn print(&self) -> std::io::Result<()> {
+impl fmt::Display for Table {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let width = self.rows.iter().map(|(n, _)| n.chars().count()).max().unwrap_or(0);
-        let mut out = std::io::stdout().lock();
-        for (name, value) in &self.rows {
-            writeln!(out, "{name:width$}  {value}")?;
-        }
-        out.flush()
-    }
-}
-
-/// Rows with one cell for each heading, all aligned to the right.
-pub struct Columns {
-    rows: Vec<Vec<String>>,
-}
-
-impl Columns {
-    /// An empty table with these headings.
-    pub fn new(headings: &[&str]) -> Self {
-        Self { rows: vec![headings.iter().map(|&h| h.to_owned()).collect()] }
-    }
-
-    /// Adds a row.
-    pub fn row(&mut self, cells: Vec<String>) -> &mut Self {
-        self.rows.push(cells.iter().map(|cell| printable(cell, &[]).into_owned()).collect());
-        self
-    }
-
-    /// Prints the table.
-    ///
-    /// # Errors
-    /// As [`Table::print`].
-    pub fn print(&self) -> std::io::Result<()> {
-        let mut widths = vec![0; self.rows[0].len()];
-        for row in &self.rows {
-            for (width, cell) in widths.iter_mut().zip(row) {
-                *width = cell.chars().count().max(*width);
-            }
-        }
-        let mut out = std::io::stdout().lock();
-        for row in &self.rows {
-            let cells = row.iter().zip(&widths).map(|(cell, &width)| format!("{cell:>width$}"));
-            writeln!(out, "{}", cells.collect::<Vec<_>>().join("  "))?;
-        }
-        out.flush()
+        self.rows.iter().try_for_each(|(name, value)| writeln!(f, "{name:width$}  {value}"))
     }
 }
 
@@ -82,32 +39,11 @@ pub fn serialize_path<S: serde::Serializer>(path: &Path, serializer: S) -> Resul
     serializer.serialize_str(&path_text(path))
 }
 
-/// Prints a value as JSON.
-///
-/// # Errors
-/// What writing reports.
-pub fn print_json(value: &impl serde::Serialize) -> std::io::Result<()> {
-    let mut out = std::io::stdout().lock();
-    serde_json::to_writer_pretty(&mut out, value)?;
-    writeln!(out)?;
-    out.flush()
-}
-
-/// Prints rows under a header with numbers aligned to the right; nothing if there are no rows.
-///
-/// # Errors
-/// What writing reports.
-pub fn print_columns(header: &[&str], rows: &[Vec<String>]) -> std::io::Result<()> {
+/// Rows under a header, columns of numbers aligned to the right and others to the left; nothing if there are no rows.
+pub fn columns(header: &[&str], rows: &[Vec<String>]) -> String {
     if rows.is_empty() {
-        return Ok(());
+        return String::new();
     }
-    let mut out = std::io::stdout().lock();
-    out.write_all(columns(header, rows).as_bytes())?;
-    out.flush()
-}
-
-/// Aligns columns of numbers to the right and others to the left.
-fn columns(header: &[&str], rows: &[Vec<String>]) -> String {
     let cell = |row: &[String], c: usize| {
         row.get(c).map(|cell| printable(cell, &[]).into_owned()).unwrap_or_default()
     };

@@ -1,12 +1,12 @@
 //! Values on the command line: durations, sizes in bytes, counts, colours, sizes in pixels. Text in, numbers out; nothing
-//! here opens a file.
+//! here opens a file. clap names the option and the text in front of the message.
 
-use std::num::{IntErrorKind, ParseIntError};
-use std::str::FromStr;
+use std::num::IntErrorKind;
+use std::ops::RangeInclusive;
 
 /// Reads a time as seconds: "90", "90s", "20m", "1.5h", "1h30m".
 pub fn parse_duration_secs(text: &str) -> Result<f64, String> {
-    let wrong = || format!("{text:?}: expected a time like 90s, 20m or 1h30m");
+    let wrong = || "expected a time like 90s, 20m or 1h30m".to_owned();
     let mut secs = 0.0;
     let mut rest = text.trim();
     if let Ok(plain) = rest.parse::<f64>() {
@@ -52,13 +52,13 @@ pub fn parse_bytes(text: &str) -> Result<u64, String> {
         .unwrap_or((text, 1.0));
     match number.trim().parse::<f64>() {
         Ok(n) if n >= 0.0 && n * factor < 1e18 => Ok((n * factor) as u64),
-        _ => Err(format!("{text:?}: expected a size like 4GiB, 512MiB or 2GB")),
+        _ => Err("expected a size like 4GiB, 512MiB or 2GB".to_owned()),
     }
 }
 
 /// Reads a count: "5000", "500k", "1.5M".
 pub fn parse_count(text: &str) -> Result<usize, String> {
-    let expected = || format!("{text:?}: expected a number of at least 1, such as 5000, 500k or 1.5M");
+    let expected = || "expected a number of at least 1, such as 5000, 500k or 1.5M".to_owned();
     let (digits, unit) = match text.char_indices().next_back() {
         Some((at, 'k' | 'K')) => (&text[..at], 1e3),
         Some((at, 'm' | 'M')) => (&text[..at], 1e6),
@@ -69,17 +69,43 @@ pub fn parse_count(text: &str) -> Result<usize, String> {
     if (1.0..=1e12).contains(&count) { Ok(count as usize) } else { Err(expected()) }
 }
 
-/// Reads a whole number: "0", "42". clap repeats the text in front of the message.
-pub fn parse_whole<T: FromStr<Err = ParseIntError>>(text: &str) -> Result<T, String> {
-    text.parse().map_err(|e: ParseIntError| match e.kind() {
-        IntErrorKind::PosOverflow => "the number is too large".to_owned(),
-        _ => "expected a whole number of at least 0".to_owned(),
-    })
+/// A parser of whole numbers in a range; one that ends at the largest of all has no upper bound.
+pub fn whole<T>(
+    range: RangeInclusive<u64>,
+) -> impl Fn(&str) -> Result<T, String> + Clone + Send + Sync + 'static
+where
+    T: TryFrom<u64> + Clone + Send + Sync + 'static,
+{
+    move |text| {
+        let (least, most) = (range.start(), range.end());
+        let expected = || match *most {
+            u64::MAX => format!("expected a whole number of at least {least}"),
+            _ => format!("expected a whole number from {least} to {most}"),
+        };
+        let number = match text.parse::<u64>() {
+            Ok(number) if range.contains(&number) => number,
+            Err(e) if *e.kind() == IntErrorKind::PosOverflow => return Err(TOO_LARGE.to_owned()),
+            _ => return Err(expected()),
+        };
+        T::try_from(number).map_err(|_| TOO_LARGE.to_owned())
+    }
+}
+
+const TOO_LARGE: &str = "the number is too large";
+
+/// [`whole`] numbers without a bound: "0", "42".
+pub fn parse_whole<T: TryFrom<u64> + Clone + Send + Sync + 'static>(text: &str) -> Result<T, String> {
+    whole(0..=u64::MAX)(text)
+}
+
+/// Reads a number: "0.5", "3".
+pub fn parse_number(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|x: &f64| x.is_finite()).ok_or_else(|| "expected a number".to_owned())
 }
 
 /// Reads a colour, display space: "black", "white", "#rrggbb" or "r,g,b" with numbers from 0 to 1.
 pub fn parse_colour(text: &str) -> Result<[f32; 3], String> {
-    let wrong = || format!("{text:?}: expected black, white, #rrggbb or r,g,b with numbers from 0 to 1");
+    let wrong = || "expected black, white, #rrggbb or r,g,b with numbers from 0 to 1".to_owned();
     match text {
         "black" => return Ok([0.0; 3]),
         "white" => return Ok([1.0; 3]),
@@ -114,7 +140,7 @@ pub fn parse_decibels(text: &str) -> Result<f64, String> {
     let lower = text.trim().to_ascii_lowercase();
     let number = lower.strip_suffix("db").unwrap_or(&lower).trim_end();
     let value = number.parse::<f64>().ok().filter(|v| v.is_finite() && *v >= 0.0);
-    value.ok_or_else(|| format!("{text:?}: expected decibels, such as 0.1dB"))
+    value.ok_or_else(|| "expected decibels, such as 0.1dB".to_owned())
 }
 
 /// Reads the size of an image: "960" (longer side) or "1920x1080".
@@ -124,7 +150,7 @@ pub fn parse_image_size(text: &str) -> Result<ImageSize, String> {
         Some((w, h)) => side(w).zip(side(h)).map(|(w, h)| ImageSize::Exact(w, h)),
         None => side(text).map(ImageSize::Longer),
     };
-    size.ok_or_else(|| format!("{text:?}: expected WIDTHxHEIGHT or the longer side, 1 to 32768"))
+    size.ok_or_else(|| "expected WIDTHxHEIGHT or the longer side, 1 to 32768".to_owned())
 }
 
 #[cfg(test)]
@@ -160,6 +186,15 @@ mod tests {
             assert!(parse_whole::<u64>(wrong).unwrap_err().contains("at least 0"), "{wrong}");
         }
         assert!(parse_whole::<u64>("18446744073709551616").unwrap_err().contains("too large"));
+        assert!(parse_whole::<u16>("65536").unwrap_err().contains("too large"));
+        let page = whole::<u8>(1..=9);
+        assert_eq!((page("1"), page("9")), (Ok(1), Ok(9)));
+        for wrong in ["0", "10", "300", "-1", "x"] {
+            assert_eq!(page(wrong).unwrap_err(), "expected a whole number from 1 to 9");
+        }
+        for (text, found) in [("0.5", Some(0.5)), ("-3", Some(-3.0)), ("inf", None), ("x", None)] {
+            assert_eq!(parse_number(text).ok(), found, "{text}");
+        }
     }
 
     #[test]

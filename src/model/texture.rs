@@ -84,7 +84,7 @@ impl TexturePool {
         if num_texels > u32::MAX.into() {
             return Err(Error::Usage(format!(
                 "{num_texels} texels over {} maps, but a model may have at most {}; use fewer splats or smaller \
-                 maps (--max-points, --policy, --max-texels)",
+                 maps (max-points, --policy, budget.max-texels)",
                 maps.len(),
                 u32::MAX
             )));

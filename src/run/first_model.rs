@@ -28,7 +28,7 @@ pub fn fresh_model(
     if most == 0 {
         return Err(Error::Usage(format!(
             "the budget leaves no room for a splat: each has {} parameters and, with the policy {}, {texels_each} \
-             initial texels; raise --max-splats, --max-texels, --budget-params or --max-points",
+             initial texels; raise budget.max-splats, budget.max-texels, --budget-params or max-points",
             splat_params(config.least_sh_degree()),
             config.policy
         )));
@@ -97,7 +97,9 @@ fn bounded_start(config: &TrainConfig, budget: &Budget, num_splats: usize) -> Op
         return None;
     }
     let (flag, each) = match by_texels <= by_params {
-        true => (format!("--max-texels {}", max_texels.unwrap_or_default()), format!("{texels_each} texels")),
+        true => {
+            (format!("budget.max-texels {}", max_texels.unwrap_or_default()), format!("{texels_each} texels"))
+        }
         false => (
             format!("--budget-params {}", config.budget.max_params.unwrap_or_default()),
             format!("{params_each} parameters"),
@@ -124,7 +126,7 @@ mod tests {
             bounded_start(&TrainConfig { policy, budget, ..TrainConfig::default() }, &bound, splats)
         };
         let texels = warning(Policy::Litetex, Some(10), Some(5), None, 1).unwrap();
-        assert!(texels.contains("--max-texels 5") && texels.contains("4 texels"), "{texels}");
+        assert!(texels.contains("budget.max-texels 5") && texels.contains("4 texels"), "{texels}");
         let params = warning(Policy::Litetex, Some(90), None, Some(300), 33).unwrap();
         assert!(params.contains("--budget-params 300") && params.contains("36 parameters"), "{params}");
         // Bounded by the splats or by the points, and a policy without texels.

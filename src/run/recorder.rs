@@ -203,8 +203,8 @@ impl<'a> Recorder<'a> {
             more => format!(" and {more} more"),
         };
         let message = format!(
-            "{} that fit much worse than the others: {shown}{more}; look for wrong poses, other exposures (--exposure \
-             affine, compared by psnr_corrected) or moving things there",
+            "{} that fit much worse than the others: {shown}{more}; look for wrong poses, other exposures (--set \
+             exposure=affine, compared by psnr_corrected) or moving things there",
             counted(names.len(), "training view")
         );
         self.warn(Warning { code: "outlying-views".to_owned(), message, count: names.len() })

@@ -2,7 +2,7 @@
 //! in each phase of a run (checking the photos, analysis, training, evaluation), at the start and at the
 //! size that the model is expected to reach; time rests on three measured rates. The peak grows over the first steps,
 //! because the allocator keeps what it cannot return: runs of a few steps stay up to 40 % below the estimate, which is that
-//! of longer ones (16 views of 1600 x 1200, --image-cache 64MiB: 12 steps 533 MiB, 100 steps 709, 400 steps 788).
+//! of longer ones (16 views of 1600 x 1200, an image cache of 64 MiB: 12 steps 533 MiB, 100 steps 709, 400 steps 788).
 
 use crate::capture::Capture;
 use crate::model::{MAP_PARAMS, Model, ModelSize, TEXEL_PARAMS, splat_params};
@@ -281,7 +281,7 @@ impl ResourceEstimate {
         let have = machine_bytes.filter(|&have| self.grown.total_bytes > have)?;
         Some(format!(
             "the model may grow to need about {} ({} splats, {} texels), but this machine has {}: limit it with \
-             --budget-params, --max-splats or --max-texels",
+             --budget-params",
             format_bytes(self.grown.total_bytes),
             format_count(self.grown_splats),
             format_count(self.grown_texels),
@@ -312,7 +312,7 @@ impl Resources {
     pub fn check(&self, machine_bytes: Option<u64>) -> Result<()> {
         match machine_bytes {
             Some(have) if self.total_bytes > have => Err(Error::Device(format!(
-                "training needs about {}, but this machine has {}: {}; lower --max-resolution, --image-cache or \
+                "training needs about {}, but this machine has {}: {}; lower --max-resolution, capture.image-cache-bytes or \
                  the number of splats",
                 format_bytes(self.total_bytes),
                 format_bytes(have),
@@ -459,9 +459,9 @@ mod tests {
         let mut large = measured(1331.0, [4_049, 16_116], [3000, 2000], [5, 1], 34, 2);
         large.workload.cache_limit_bytes = 100 << 20;
         let runs = [
-            // 300 JPEGs of 1600 x 1200, --image-cache 256MiB, 400 steps.
+            // 300 JPEGs of 1600 x 1200, an image cache of 256 MiB, 400 steps.
             many,
-            // 6 PNGs of 3000 x 2000, --image-cache 100MiB, 60 steps.
+            // 6 PNGs of 3000 x 2000, of 100 MiB, 60 steps.
             large,
             // 10 JPEGs of 8000 x 6000, reduced to 1600 x 1200; 40 steps.
             measured(704.5, [4_000, 15_916], [1600, 1200], [8, 2], 330, 2),

@@ -24,7 +24,7 @@ pub fn check_limits(
     let bare = ModelSize { maps: 0, texels: 0, ..model.size() };
     let budget = Schedule::new(config, views.indices(Split::Train).len()).budget(config, 0);
     let bounds = [
-        ("--max-splats", "splats", bare.splats, budget.max_splats),
+        ("budget.max-splats", "splats", bare.splats, budget.max_splats),
         ("--budget-params", "parameters besides its maps", bare.params(), budget.max_params),
     ];
     for (flag, what, holds, most) in bounds {
@@ -56,12 +56,12 @@ fn of_model(model: &Model, limits: &DeviceLimits) -> Vec<String> {
     let mut out = Vec::new();
     if splats > limits.max_splats {
         let most = limits.max_splats;
-        out.push(format!("the initial model has {splats} splats, at most {most} fit: lower --max-points"));
+        out.push(format!("the initial model has {splats} splats, at most {most} fit: lower max-points"));
     }
     if texels > limits.max_texels {
         let most = limits.max_texels;
         out.push(format!(
-            "the initial model has {texels} texels, at most {most} fit: lower --max-points, or choose smaller \
+            "the initial model has {texels} texels, at most {most} fit: lower max-points, or choose smaller \
              maps (--policy)"
         ));
     }
@@ -73,8 +73,8 @@ fn of_budget(budget: &Budget, sh_degree: u32, limits: &DeviceLimits) -> Vec<Stri
     let texels = limits.max_texels.saturating_mul(TEXEL_PARAMS as u64);
     let params = limits.max_splats.saturating_mul(each).saturating_add(texels);
     let bounds = [
-        ("--max-splats", "splats", budget.max_splats, limits.max_splats),
-        ("--max-texels", "texels", budget.max_texels, limits.max_texels),
+        ("budget.max-splats", "splats", budget.max_splats, limits.max_splats),
+        ("budget.max-texels", "texels", budget.max_texels, limits.max_texels),
         // The parameters of the largest model that fits.
         ("--budget-params", "parameters", budget.max_params, params),
     ];
@@ -215,7 +215,7 @@ mod tests {
         // Texels beyond the budget are accepted: maps can be made smaller.
         let most = |splats, params| Budget { max_splats: splats, max_params: params, max_texels: Some(10) };
         for (refused, says) in [
-            (most(Some(19), None), "20 splats, more than 19: raise --max-splats".to_owned()),
+            (most(Some(19), None), "20 splats, more than 19: raise budget.max-splats".to_owned()),
             (
                 most(None, Some(bare - 1)),
                 format!("{bare} parameters besides its maps, more than {}", bare - 1),

@@ -240,7 +240,7 @@ fn factor_of_size(asset: &SplatAsset, quality: Quality, scaled: Scaled<'_>, most
     if bytes > most {
         return Err(Error::Usage(format!(
             "--max-size {}: the coarsest file has {}; leave splats out with --crop or --min-contribution, or train \
-             a smaller scene with --max-splats",
+             a smaller scene with --budget-params",
             format_bytes(most),
             format_bytes(bytes)
         )));

@@ -1,8 +1,10 @@
 //! `litetex-lab bench-kernels`: what a training step costs on a GPU. `gpu::bench` measures; this module chooses the scene
-//! and prints the figures. JSON: `lab/bench-kernels-schema.md`.
+//! and reports the figures. JSON: `lab/bench-kernels-schema.md`.
 
 use litetex_gs::console::Log;
-use litetex_gs::console::values::parse_duration_secs;
+use litetex_gs::console::values::{parse_duration_secs, whole};
+#[cfg(not(feature = "gpu"))]
+use litetex_gs::{Result, console::Output};
 use std::path::PathBuf;
 
 /// Profile training steps on a GPU: kernel times, pairs, memory traffic, waits
@@ -17,23 +19,17 @@ pub struct BenchKernelsArgs {
     #[arg(long, value_name = "NAME", default_value = "gpu", help_heading = "Device")]
     device: String,
     /// Bound of the images' longer side in pixels
-    #[arg(long, value_name = "N", default_value_t = 480, value_parser = clap::value_parser!(u32).range(16..))]
+    #[arg(long, value_name = "N", default_value_t = 480, value_parser = whole::<u32>(16..=u64::MAX))]
     max_resolution: u32,
     /// Splats of the random scene
-    #[arg(long, value_name = "N", default_value_t = 10_000, conflicts_with = "capture", value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
+    #[arg(long, value_name = "N", default_value_t = 10_000, conflicts_with = "capture", value_parser = whole::<u32>(1..=10_000_000))]
     splats: u32,
     /// Steps to measure
-    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = whole::<u32>(1..=10_000))]
     steps: u32,
     /// Also sort 100,000 and 1,000,000 keys
     #[arg(long)]
     sort: bool,
-    /// Also write the figures as JSON
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
-    /// Overwrite the --json file if it exists
-    #[arg(long, requires = "json")]
-    force: bool,
     /// Finish in about this time, including loading, but always do at least one step: 90s, 2m [default: no limit]
     #[arg(long, value_name = "TIME", value_parser = parse_duration_secs)]
     max_time: Option<f64>,
@@ -41,19 +37,11 @@ pub struct BenchKernelsArgs {
 
 /// Refuses: only GPUs have kernels to measure.
 #[cfg(not(feature = "gpu"))]
-pub fn run(args: &BenchKernelsArgs, _log: &Log) -> anyhow::Result<()> {
-    let _ = (
-        &args.capture,
-        args.max_resolution,
-        args.splats,
-        args.steps,
-        args.sort,
-        &args.json,
-        args.max_time,
-        args.force,
-    );
-    let what = format!("{:?}: this build has no GPU support; build it with the feature \"gpu\"", args.device);
-    Err(litetex_gs::Error::unsupported("bench-kernels", what).into())
+pub fn run(args: &BenchKernelsArgs, _log: &Log) -> Result<Output> {
+    let BenchKernelsArgs { capture: _, device, max_resolution: _, splats: _, steps: _, sort: _, max_time: _ } =
+        args;
+    let what = format!("{device:?}: this build has no GPU support; build it with the feature \"gpu\"");
+    Err(litetex_gs::Error::unsupported("bench-kernels", what))
 }
 
 #[cfg(feature = "gpu")]
@@ -65,7 +53,7 @@ mod with_gpu {
     use litetex_gs::backend::{RenderOptions, StepRequest, TargetImage};
     use litetex_gs::camera::{Camera, RigidTransform};
     use litetex_gs::capture::{Capture, LoadOptions};
-    use litetex_gs::console::{Table, check_free, device};
+    use litetex_gs::console::{Output, Table, device};
     use litetex_gs::gpu::GpuBackend;
     use litetex_gs::gpu::bench::{
         CountFigures, Deadline, DeviceFigures, KernelFigures, SortThroughput, StepFigures, measure,
@@ -77,8 +65,9 @@ mod with_gpu {
     use litetex_gs::text::{format_bytes, format_count};
     use litetex_gs::train::{Control, Schedule, TrainConfig, evaluate};
     use litetex_gs::views::{Split, ViewSource};
-    use litetex_gs::{Error, Result, atomic_file};
+    use litetex_gs::{Error, Result};
     use serde::Serialize;
+    use serde_json::json;
     use std::sync::Arc;
     use std::time::{Duration, Instant};
 
@@ -114,7 +103,6 @@ mod with_gpu {
     /// Everything that is written.
     #[derive(Serialize)]
     struct Figures {
-        schema: &'static str,
         version: &'static str,
         scene: String,
         device: DeviceFigures,
@@ -127,11 +115,8 @@ mod with_gpu {
         skipped: Option<String>,
     }
 
-    /// Measures and prints a table.
-    pub fn run(args: &BenchKernelsArgs, log: &Log) -> anyhow::Result<()> {
-        if let Some(json) = &args.json {
-            check_free(std::slice::from_ref(json), args.force)?;
-        }
+    /// Measures and reports.
+    pub fn run(args: &BenchKernelsArgs, log: &Log) -> Result<Output> {
         let start = Instant::now();
         let deadline_after = |secs: f64| Deadline::new(Some(start + Duration::from_secs_f64(secs)));
         let deadline = args.max_time.map_or(Deadline::new(None), deadline_after);
@@ -178,7 +163,6 @@ mod with_gpu {
             None => None,
         };
         let figures = Figures {
-            schema: SCHEMA,
             version: env!("CARGO_PKG_VERSION"),
             device: DeviceFigures::of(backend.gpu()),
             kernels,
@@ -188,22 +172,16 @@ mod with_gpu {
             skipped,
             scene: scene.name,
         };
-        if let Some(path) = &args.json {
-            let json = serde_json::to_vec_pretty(&figures)?;
-            atomic_file::write(path, &json)?;
-        }
-        print(&figures)?;
-        check_results(&figures)
+        let failure = wrong_results(&figures);
+        Ok(Output::new(SCHEMA, json!(figures), table_of(&figures)).failing(failure))
     }
 
-    fn check_results(figures: &Figures) -> anyhow::Result<()> {
+    fn wrong_results(figures: &Figures) -> Option<Error> {
         let unsorted = figures.sort.iter().any(|s| !s.sorted);
         let repeatable = figures.kernels.steps.as_ref().and_then(|s| s.repeatable);
-        if unsorted || repeatable == Some(false) {
-            let what = "the device or its driver gives wrong results: keys are out of order, or repeated steps differ";
-            return Err(Error::CheckFailed(what.to_owned()).into());
-        }
-        Ok(())
+        let what =
+            "the device or its driver gives wrong results: keys are out of order, or repeated steps differ";
+        (unsorted || repeatable == Some(false)).then(|| Error::CheckFailed(what.to_owned()))
     }
 
     /// Sorts, the larger one if there is time for it after the smaller.
@@ -282,7 +260,7 @@ mod with_gpu {
         Scene { name, views: views.collect(), model: scene.model, background: [0.0; 3], capture: None }
     }
 
-    fn print(f: &Figures) -> std::io::Result<()> {
+    fn table_of(f: &Figures) -> Table {
         let k = &f.kernels;
         let mut table = Table::default();
         let [w, h] = k.size_px;
@@ -303,7 +281,7 @@ mod with_gpu {
             let rate = s.keys_per_sec / 1e6;
             table.row(&format!("sort of {}", s.keys), format!("{rate:.2} million keys/s{verdict}"));
         }
-        table.print()
+        table
     }
 
     fn step_rows(table: &mut Table, k: &StepFigures) {

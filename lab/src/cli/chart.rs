@@ -2,14 +2,15 @@
 
 use super::bench;
 use base64::prelude::{BASE64_STANDARD, Engine as _};
-use litetex_gs::console::Log;
+use litetex_gs::console::{self, Log, path_text};
 use litetex_gs::{Error, Report, Result, atomic_file, input_file};
 use litetex_lab::chart::{Case, Clock, MANIFEST, Options, Output, PAGE, WorstView, build, manifest_entries};
 use litetex_lab::matrix::Matrix;
 use litetex_lab::results;
+use serde_json::json;
 use std::collections::HashSet;
 use std::fs;
-use std::io::{ErrorKind, Write};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// Largest list of files that is read.
@@ -59,12 +60,12 @@ enum ClockArg {
     Wall,
 }
 
-/// Reads results, writes the files and prints the main table.
+/// Reads results, writes the files and reports the main table.
 ///
 /// # Errors
 /// [`Error::Io`], [`Error::InvalidInput`] for a file without usable results, [`Error::Usage`] for a folder with other
 /// contents.
-pub fn run(args: &ChartArgs, log: &Log) -> anyhow::Result<()> {
+pub fn run(args: &ChartArgs, log: &Log) -> Result<console::Output> {
     let earlier = earlier_files(&args.out, args.force)?;
     let mut report = Report::default();
     let files = args.results.iter().map(|path| read(path, &mut report)).collect::<Result<Vec<_>>>()?;
@@ -86,10 +87,10 @@ pub fn run(args: &ChartArgs, log: &Log) -> anyhow::Result<()> {
     let output = build(files, &options)?;
     replace(&args.out, &earlier, &output)?;
     log.report(&output.report);
-    let mut out = std::io::stdout().lock();
-    write!(out, "{}", output.results_markdown)?;
     log.info(&format!("{} files; open {}", output.files.len(), args.out.join(PAGE).display()));
-    Ok(out.flush()?)
+    let files: Vec<&String> = output.files.iter().map(|(name, _)| name).collect();
+    let found = json!({ "out": path_text(&args.out), "files": files });
+    Ok(console::Output::new("litetex-chart/1", found, &output.results_markdown))
 }
 
 /// The checks in a matrix.

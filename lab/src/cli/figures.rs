@@ -1,12 +1,12 @@
 //! `litetex-lab figures`: figures of a run's test views beyond those of `litetex eval`.
 
 use super::regions::Regions;
-use litetex_gs::Error;
-use litetex_gs::console::{Log, Table, device, path_text, print_json};
+use litetex_gs::console::{Log, Output, Table, device, path_text};
 use litetex_gs::eval::{ImagePair, SequenceError};
 use litetex_gs::run::Trained;
 use litetex_gs::verify::CaptureIdentity;
 use litetex_gs::views::{Split, ViewSource as _};
+use litetex_gs::{Error, Result};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -27,16 +27,13 @@ pub struct FiguresArgs {
     /// Error of the changes between consecutive test views, which are the frames of a video
     #[arg(long, group = "figures")]
     sequence: bool,
-    /// Print JSON
-    #[arg(long)]
-    json: bool,
     /// Where to compute
     #[arg(long, value_name = "NAME", default_value = "auto", help_heading = "Device")]
     device: String,
 }
 
 /// Renders the test views, compares and prints.
-pub fn run(args: &FiguresArgs, log: &Log) -> anyhow::Result<()> {
+pub fn run(args: &FiguresArgs, log: &Log) -> Result<Output> {
     let trained = Trained::load(&args.source)?;
     let capture = trained.open_capture(args.capture.as_deref())?;
     log.report(&capture.report);
@@ -44,8 +41,7 @@ pub fn run(args: &FiguresArgs, log: &Log) -> anyhow::Result<()> {
     if test.is_empty() {
         return Err(Error::Usage(
             "the capture has no test views; train with --test-every to hold some out".to_owned(),
-        )
-        .into());
+        ));
     }
     trained.identity.check_held_out(&CaptureIdentity::new(&capture, capture.capture_from_local))?;
     let regions = args.regions.as_deref().map(|folder| Regions::of(folder, &capture, &trained.model));
@@ -62,27 +58,17 @@ pub fn run(args: &FiguresArgs, log: &Log) -> anyhow::Result<()> {
             sequence.add(ImagePair::new(&image.rgb, &*capture.target(view)?));
         }
     }
-    if args.json {
-        let mut figures = json!({
-            "schema": "litetex-figures/1",
-            "checkpoint": path_text(&trained.path),
-            "step": trained.step,
-        });
-        if let Some(regions) = &regions {
-            figures["regions"] = regions.json();
-        }
-        if let Some(sequence) = &sequence {
-            figures["sequence"] = json!({ "mean_error_of_changes": sequence.mean() });
-        }
-        return Ok(print_json(&figures)?);
-    }
+    let mut found = json!({ "checkpoint": path_text(&trained.path), "step": trained.step });
     let mut table = Table::default();
     table.row("checkpoint", trained.path.display());
     if let Some(regions) = &regions {
+        found["regions"] = regions.json();
         regions.rows(&mut table);
     }
-    if let Some(mean) = sequence.and_then(|sequence| sequence.mean()) {
-        table.row("error of changes between frames", format!("{mean:.5}"));
+    if let Some(mean) = sequence.map(|sequence| sequence.mean()) {
+        found["sequence"] = json!({ "mean_error_of_changes": mean });
+        table
+            .row("error of changes between frames", mean.map_or("-".to_owned(), |mean| format!("{mean:.5}")));
     }
-    Ok(table.print()?)
+    Ok(Output::new("litetex-figures/1", found, table))
 }

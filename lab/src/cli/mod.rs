@@ -10,7 +10,8 @@ mod regions;
 mod schedule_chart;
 
 use clap::{Parser, Subcommand};
-use litetex_gs::console::{CommonArgs, Log, Program, enter};
+use litetex_gs::Result;
+use litetex_gs::console::{CommonArgs, Log, Output, Program, enter};
 use std::process::ExitCode;
 
 /// Compares trainings of litetex: benchmarks, their charts, and what a run and a GPU are measured by
@@ -43,7 +44,7 @@ impl Program for Cli {
         &self.common
     }
 
-    fn run(self, log: &Log) -> anyhow::Result<()> {
+    fn run(self, log: &Log) -> Result<Output> {
         match self.command {
             Command::Bench(args) => bench::run(&args, self.common.threads, log),
             Command::Chart(args) => chart::run(&args, log),

@@ -1,11 +1,12 @@
 //! `litetex-lab schedule-chart`: a schedule as a chart over the steps, scales above, the texture cap below.
 
-use litetex_gs::console::{Log, check_free};
+use litetex_gs::console::{Log, Output, check_free, path_text};
 use litetex_gs::frequency::FrequencySchedule;
 use litetex_gs::train::StageSpan;
 use litetex_gs::{Error, Result, atomic_file, input_file};
 use litetex_lab::chart::plot::{Axis, Chart, Quantity, Series, Spacing, stacked};
 use serde::Deserialize;
+use serde_json::json;
 use std::path::{Path, PathBuf};
 
 /// Largest schedule that is read.
@@ -43,12 +44,12 @@ struct Plan {
 }
 
 /// Reads a schedule and writes its chart.
-pub fn run(args: &ScheduleChartArgs, log: &Log) -> anyhow::Result<()> {
+pub fn run(args: &ScheduleChartArgs, log: &Log) -> Result<Output> {
     check_free(std::slice::from_ref(&args.out), args.force)?;
     let plan = read(&args.schedule)?;
     atomic_file::write(&args.out, svg(&plan).as_bytes())?;
     log.info(&format!("wrote {}", args.out.display()));
-    Ok(())
+    Ok(Output::new("litetex-schedule-chart/1", json!({ "chart": path_text(&args.out) }), ""))
 }
 
 fn read(path: &Path) -> Result<Plan> {

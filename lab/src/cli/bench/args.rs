@@ -1,6 +1,6 @@
 //! Arguments of `litetex-lab bench`.
 
-use litetex_gs::console::values::parse_duration_secs;
+use litetex_gs::console::values::{parse_duration_secs, whole};
 use litetex_lab::matrix::{NamedArgs, SceneEntry};
 use litetex_lab::words;
 use std::path::PathBuf;
@@ -39,7 +39,7 @@ pub struct BenchArgs {
     #[arg(long, value_name = "PART/PARTS", value_parser = words::parse_shard, default_value = "1/1")]
     pub(super) shard: (usize, usize),
     /// Number of concurrent runs; with more than 1, their times do not count
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=256))]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole::<u16>(1..=256))]
     pub(super) jobs: u16,
     /// Stop a run after this time and count it as failed: 90s, 20m, 1h30m [default: no limit]
     #[arg(long, value_name = "TIME", value_parser = parse_duration_secs)]

@@ -1,6 +1,6 @@
 //! Messages of a benchmark: a line per finished run, the list of runs, the table at the end.
 
-use litetex_gs::console::{Log, print_columns};
+use litetex_gs::console::{Log, Output, columns};
 use litetex_gs::text::{format_count, format_duration};
 use litetex_gs::{Report, Result};
 use litetex_lab::chart::{Case, checks_markdown};
@@ -65,7 +65,7 @@ pub fn other_builds(known: &[Record], build: &str, file: &Path) -> Report {
 }
 
 /// Lists the runs, with the time that unfinished ones will take as far as finished ones tell.
-pub fn list(cells: &[Cell], left: &[&Cell], known: &[Record]) -> std::io::Result<()> {
+pub fn list(cells: &[Cell], left: &[&Cell], known: &[Record]) -> Output {
     let mut secs: HashMap<Name<'_>, (f64, f64)> = HashMap::new();
     for record in known {
         if let (Status::Ok, Some(wall)) = (record.status, record.wall_secs) {
@@ -92,17 +92,21 @@ pub fn list(cells: &[Cell], left: &[&Cell], known: &[Record]) -> std::io::Result
             [&cell.scene, &cell.variant, &cell.budget, &cell.seed.to_string(), &state, &cell.args.join(" ")];
         rows.push(row.map(ToOwned::to_owned).into());
     }
-    print_columns(&["scene", "variant", "budget", "seed", "time", "arguments"], &rows)?;
     let time = match total {
         Some(total) if !left.is_empty() => format!(", about {} one at a time", format_duration(total)),
         _ => String::new(),
     };
-    println!("{} of {} runs left{time}", left.len(), cells.len());
-    Ok(())
+    let table = columns(&["scene", "variant", "budget", "seed", "time", "arguments"], &rows);
+    let text = format!("{table}{} of {} runs left{time}\n", left.len(), cells.len());
+    Output::new(
+        "litetex-bench/1",
+        json!({ "runs": cells.len(), "left": left.len(), "secs_left": total }),
+        text,
+    )
 }
 
-/// Prints means over the seeds.
-pub fn print_table(records: &[&Record]) -> std::io::Result<()> {
+/// Means over the seeds.
+pub fn table(records: &[&Record]) -> String {
     let mut groups: Vec<(Name<'_>, Vec<&Record>)> = Vec::new();
     for record in records {
         let name = (&*record.scene, &*record.budget, &*record.variant);
@@ -143,24 +147,22 @@ pub fn print_table(records: &[&Record]) -> std::io::Result<()> {
         "scene", "budget", "variant", "runs", "PSNR", "grad", "SSIM", "FLIP", "splats", "texels", "params",
         "CPU s",
     ];
-    print_columns(&header, &rows)?;
+    let mut text = columns(&header, &rows);
     if records.iter().any(|r| r.noisy) {
-        println!("* the machine was busy with other work: see \"noisy_because\" in the results");
+        text += "* the machine was busy with other work: see \"noisy_because\" in the results\n";
     }
-    Ok(())
+    text
 }
 
-/// Prints what the runs make of the checks in the scenes of the matrix, if it has any.
+/// What the runs make of the checks in the scenes of the matrix, if it has any.
 ///
 /// # Errors
 /// What reading the figures of the runs reports.
-pub fn print_checks(records: &[&Record], matrix: &Matrix) -> Result<()> {
+pub fn checks(records: &[&Record], matrix: &Matrix) -> Result<String> {
     let cases = Case::all(matrix);
     let is_checked = cases.iter().any(|case| !case.checks.is_empty());
-    if is_checked && records.iter().any(|r| r.status == Status::Ok) {
-        let records = records.iter().copied().cloned().collect();
-        let table = checks_markdown(records, cases)?;
-        print!("{table}");
+    match is_checked && records.iter().any(|r| r.status == Status::Ok) {
+        true => checks_markdown(records.iter().copied().cloned().collect(), cases),
+        false => Ok(String::new()),
     }
-    Ok(())
 }

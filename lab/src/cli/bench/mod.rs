@@ -11,12 +11,13 @@ use super::litetex::Litetex;
 pub use args::BenchArgs;
 use args::Words;
 use folder::{RESULTS, RUNS};
-use litetex_gs::console::{Interrupt, Log};
+use litetex_gs::console::{Interrupt, Log, Output, path_text};
 use litetex_gs::{Error, Result, memory};
 use litetex_lab::matrix::{Cell, Matrix, check_captures, shard};
 use litetex_lab::results::{self, Record, Status};
 use litetex_lab::{machine, words};
 use runner::Runner;
+use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, mpsc};
@@ -27,7 +28,7 @@ use std::time::Instant;
 /// # Errors
 /// [`Error::CheckFailed`] if a run failed, [`Error::Interrupted`], [`Error::Usage`] for a mistake in the matrix,
 /// [`Error::InvalidInput`] for a missing capture.
-pub fn run(args: &BenchArgs, threads: Option<u16>, log: &Log) -> anyhow::Result<()> {
+pub fn run(args: &BenchArgs, threads: Option<u16>, log: &Log) -> Result<Output> {
     let matrix = matrix_of(args, threads)?;
     let litetex = Litetex::find(args.binary.as_deref())?;
     let cells = matrix.cells(&litetex)?;
@@ -42,7 +43,7 @@ pub fn run(args: &BenchArgs, threads: Option<u16>, log: &Log) -> anyhow::Result<
     let left: Vec<&Cell> = cells.iter().filter(|c| !is_done(&known, c, args.retry_failed)).collect();
     check_captures(&left)?;
     if args.dry_run {
-        return Ok(messages::list(&cells, &left, &known)?);
+        return Ok(messages::list(&cells, &left, &known));
     }
     rename(&cells, &known, &file)?;
     if parts > 1 {
@@ -55,20 +56,19 @@ pub fn run(args: &BenchArgs, threads: Option<u16>, log: &Log) -> anyhow::Result<
     let outcome = run_cells(args, &left, cells.len(), &file, &litetex, log);
     let records = folder::read_results(&file, log)?;
     let mine: Vec<&Record> = cells.iter().filter_map(|c| records.iter().find(|r| r.key == c.key)).collect();
-    messages::print_table(&mine)?;
-    messages::print_checks(&mine, &matrix)?;
-    outcome?;
     let failed = mine.iter().filter(|r| r.status == Status::Failed).count();
-    if failed > 0 {
-        return Err(Error::CheckFailed(format!(
+    let failure = (failed > 0).then(|| {
+        Error::CheckFailed(format!(
             "{failed} of {} runs failed: see \"error\" in {} and {}; --retry-failed repeats them",
             mine.len(),
             file.display(),
             args.out.join(RUNS).join("*.log").display()
         ))
-        .into());
-    }
-    Ok(())
+    });
+    let text = messages::table(&mine) + &messages::checks(&mine, &matrix)?;
+    let found =
+        json!({ "runs": cells.len(), "done": mine.len(), "failed": failed, "results": path_text(&file) });
+    Ok(Output::new("litetex-bench/1", found, text).failing(outcome.err().or(failure)))
 }
 
 /// Where the worst test view of a run is, if the matrix asked for it. `out` is the folder of the benchmark.
