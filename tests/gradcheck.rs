@@ -20,7 +20,6 @@ const WEIGHTS: LossWeights = LossWeights {
     texture: 1e-3,
     distortion: 1e4,
     normal: 0.2,
-    ..LossWeights::NONE
 };
 /// Relative to the largest derivative of the kind; needed 8e-7, because of rounding in the differences, which
 /// varies with the maths library.
