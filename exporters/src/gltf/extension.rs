@@ -1,7 +1,6 @@
 //! `KHR_gaussian_splatting` and our extension nested in it as JSON objects, and the digest that survives tools that drop both.
 
 use super::KHR;
-use super::stream::Stream;
 use crate::asset::hash::{hash_from_text, text_from_hash};
 use crate::asset::meta::Meta;
 use crate::files::sidecars::SidecarHashes;
@@ -107,6 +106,14 @@ pub struct Page {
 pub struct Decode {
     pub scale: f64,
     pub bias: f64,
+}
+
+/// Where the stream is, and its codec.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub struct Stream {
+    pub buffer_view: u32,
+    pub mime_type: String,
 }
 
 impl TextureExtension {

@@ -3,22 +3,12 @@
 
 use super::buffer::{Arrays, Use};
 use super::document::{Buffer, Document, Image, MIME_PNG, Mesh, Primitive, Scene, TARGET_INDICES, Texture};
-use super::{UNLIT, container, write};
+use super::{UNLIT, container, scene, write};
 use crate::atlas::PAGE_SIDE;
 use crate::fallback::depth_order::places_far_to_near;
 use crate::fallback::quads::{self, QUADS_MAX, Quad, Quads};
 use crate::{Error, Result, SplatAsset};
 use std::collections::BTreeMap;
-
-/// JSON pointer in the `extras` of a primitive to its kind, and the kind that marks these meshes. Most tools keep `extras`.
-const KIND: &str = "/litetex/kind";
-const QUADS: &str = "quads";
-
-/// Whether a file is one of these meshes, and so not an asset.
-pub fn is_quad_mesh(document: &Document) -> bool {
-    let mut extras = document.meshes.iter().flat_map(|m| &m.primitives).filter_map(|p| p.extras.as_ref());
-    extras.any(|extras| extras.pointer(KIND).is_some_and(|kind| kind == QUADS))
-}
 
 /// How to make a mesh of quads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -84,7 +74,7 @@ fn push_quads(arrays: &mut Arrays, asset: &SplatAsset, quads: &[&Quad], material
     let coordinates = quads.iter().flat_map(|quad| quad.uvs);
     attributes.insert("TEXCOORD_0".to_owned(), arrays.push(coordinates, Use::Attribute));
     let indices = arrays.push(indices, Use::Other(Some(TARGET_INDICES)));
-    let extras = Some(serde_json::json!({ "litetex": { "kind": QUADS } }));
+    let extras = Some(serde_json::json!({ "litetex": { "kind": scene::QUADS } }));
     Primitive { attributes, indices: Some(indices), material: Some(material), extras, ..Primitive::default() }
 }
 

@@ -3,9 +3,18 @@
 use super::KHR;
 use super::document::{Document, Primitive};
 use super::extension::{Digest, Splatting};
-use super::mesh::is_quad_mesh;
 use crate::{Error, Result};
 use std::path::Path;
+
+/// JSON pointer in the `extras` of a primitive to its kind, and the kind that marks these meshes. Most tools keep `extras`.
+const KIND: &str = "/litetex/kind";
+pub const QUADS: &str = "quads";
+
+/// Whether a file is one of these meshes, and so not an asset.
+pub fn is_quad_mesh(document: &Document) -> bool {
+    let mut extras = document.meshes.iter().flat_map(|m| &m.primitives).filter_map(|p| p.extras.as_ref());
+    extras.any(|extras| extras.pointer(KIND).is_some_and(|kind| kind == QUADS))
+}
 
 /// A primitive of splats.
 pub struct Found<'a> {

@@ -1,11 +1,10 @@
 //! A whole `.ltgs` file in a buffer view, in place of exact attributes and atlas pages: what quality `tiny` is in glTF. The
 //! attributes are small then, and only for viewers without our extension.
 
-use super::extension::{EXTENSION, TextureExtension, VERSION};
+use super::extension::{EXTENSION, Stream, TextureExtension, VERSION};
 use super::loaded::Loaded;
 use crate::asset::meta::Meta;
 use crate::{Contents, Describes, Error, Quality, Result, Section, ltgs, quoted};
-use serde::{Deserialize, Serialize};
 
 /// Whether files of this quality hold an embedded file in place of arrays and pages.
 pub fn embeds_file(quality: Quality) -> bool {
@@ -14,14 +13,6 @@ pub fn embeds_file(quality: Quality) -> bool {
 
 /// The only codec.
 pub const MIME_LTGS: &str = "application/vnd.litetex.ltgs";
-
-/// Where the stream is, and its codec.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub struct Stream {
-    pub buffer_view: u32,
-    pub mime_type: String,
-}
 
 impl Stream {
     /// Bytes of the stream.

@@ -6,8 +6,8 @@ use super::document::{
     AssetInfo, Buffer, Document, Image, MIME_PNG, MODE_POINTS, Mesh, Node, Primitive, PrimitiveExtensions,
     Scene, Texture,
 };
-use super::extension::{Decode, Digest, Page, Splatting, TextureExtension};
-use super::stream::{MIME_LTGS, Stream, embeds_file};
+use super::extension::{Decode, Digest, Page, Splatting, Stream, TextureExtension};
+use super::stream::{MIME_LTGS, embeds_file};
 use super::{EXTENSION, KHR, cameras, container, files};
 use crate::asset::meta::Meta;
 use crate::atlas::{Atlas, PAGE_SIDE, PAGE_SIDE_MAX, TexelDecode, encode_exr, encode_png};

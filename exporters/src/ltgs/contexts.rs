@@ -5,7 +5,6 @@ use super::integers::zigzag;
 use super::math::log2_in_256ths;
 use super::numbers::length;
 use super::shape::{EXPONENT_MAX, Shape, log2_scale_step};
-use super::splats::SplatCodes;
 use super::steps::Quantiser;
 
 /// Sides of maps from which they are not told apart, where one side is a context, and where both are.
@@ -47,28 +46,15 @@ pub fn of_twist(quantiser: &Quantiser, shape: &Shape) -> u32 {
     (-log2_in_256ths(twist_step)).div_euclid(64).clamp(0, TWIST_CLASS_MAX) as u32
 }
 
-impl SplatCodes {
-    /// A splat's exponent.
-    pub fn exponent_context(&self, splat: usize) -> u32 {
-        of_exponent(self.exponents[splat])
-    }
+/// Both sides of a map.
+pub fn of_sides(sides: [u16; 2]) -> u32 {
+    let [rows, cols] = sides.map(|side| u32::from(side.min(SIDES_MAX)));
+    u32::from(SIDES_MAX + 1) * rows + cols
+}
 
-    /// Both sides of a splat's map.
-    pub fn sides_context(&self, splat: usize) -> u32 {
-        let [rows, cols] = self.sides[splat].map(|side| u32::from(side.min(SIDES_MAX)));
-        u32::from(SIDES_MAX + 1) * rows + cols
-    }
-
-    /// A splat's exponent and the standard deviation of its longer axis.
-    pub fn scale_context(&self, quantiser: &Quantiser, splat: usize) -> u32 {
-        let exponent = self.exponents[splat];
-        let octaves = (f64::from(self.scales[splat][0]) * log2_scale_step(quantiser, exponent)).floor();
-        let octave = (octaves as i32).clamp(OCTAVES.0, OCTAVES.1) - OCTAVES.0;
-        (OCTAVES.1 - OCTAVES.0 + 1) as u32 * of_exponent(exponent) + octave as u32
-    }
-
-    /// Splats with a map.
-    pub fn textured(&self) -> Vec<usize> {
-        (0..self.sides.len()).filter(|&splat| self.sides[splat][0] > 0).collect()
-    }
+/// A splat's exponent and the code of the standard deviation of its longer axis.
+pub fn of_scale(quantiser: &Quantiser, exponent: i32, scale: i32) -> u32 {
+    let octaves = (f64::from(scale) * log2_scale_step(quantiser, exponent)).floor();
+    let octave = (octaves as i32).clamp(OCTAVES.0, OCTAVES.1) - OCTAVES.0;
+    (OCTAVES.1 - OCTAVES.0 + 1) as u32 * of_exponent(exponent) + octave as u32
 }

@@ -49,11 +49,12 @@ mod write;
 
 pub use check::validate;
 pub use orient::oriented;
+pub use plan::PerSplat;
 pub use read::{Reader, decode};
 pub use sensitivities::Sensitivities;
 pub use steps::Steps;
 pub use vectors::coder_vectors;
-pub use write::{Effort, LtgsOptions, PerSplat, Rounded, encode, quantised, rounded};
+pub use write::{Effort, LtgsOptions, Rounded, encode, quantised, rounded};
 
 #[cfg(test)]
 mod tests;

@@ -5,8 +5,17 @@ use super::math::floor_log2;
 use super::morton::morton;
 use super::shape::{EXPONENT_MAX, Shape};
 use super::steps::{CELL_COORDINATE_BITS_MAX, GRID_BITS_MAX, Grid, Quantiser, Steps};
-use super::write::PerSplat;
 use crate::SplatAsset;
+
+/// What is known of each splat of an asset that a lossy file is made of.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PerSplat<'a> {
+    /// Exponents of the splats' steps, see [`super::Sensitivities::rounding`]; those that are missing are zero. `[n]`
+    pub exponents: &'a [i8],
+    /// What the splats contribute to images, in any unit: those that contribute most are in the first layer. If empty, it is
+    /// estimated. `[n]`
+    pub contributions: &'a [f32],
+}
 
 /// Order, exponents and quantiser of a lossy file.
 pub struct Plan {

@@ -1,7 +1,7 @@
 //! The splats of a chunk of a lossy file as columns of codes.
 
 use super::colour::{luma_chroma, rgb};
-use super::contexts::{of_side, of_twist};
+use super::contexts::{of_exponent, of_scale, of_side, of_sides, of_twist};
 use super::integers::{alone, put_numbers, take_exactly, unzigzag, zigzag};
 use super::math::two_to;
 use super::shape::{self, EXPONENT_MAX, Shape, TexelSizeCodes};
@@ -48,6 +48,29 @@ fn colour_step(quantiser: &Quantiser, exponent: i32, coefficient: usize, channel
     };
     let luma = luma * two_to(exponent);
     if channel == 0 { luma } else { luma * steps.chroma }
+}
+
+/// Contexts of other codes of a splat; see [`super::contexts`].
+impl SplatCodes {
+    /// A splat's exponent.
+    pub fn exponent_context(&self, splat: usize) -> u32 {
+        of_exponent(self.exponents[splat])
+    }
+
+    /// Both sides of a splat's map.
+    pub fn sides_context(&self, splat: usize) -> u32 {
+        of_sides(self.sides[splat])
+    }
+
+    /// A splat's exponent and the standard deviation of its longer axis.
+    pub fn scale_context(&self, quantiser: &Quantiser, splat: usize) -> u32 {
+        of_scale(quantiser, self.exponents[splat], self.scales[splat][0])
+    }
+
+    /// Splats with a map.
+    pub fn textured(&self) -> Vec<usize> {
+        (0..self.sides.len()).filter(|&splat| self.sides[splat][0] > 0).collect()
+    }
 }
 
 impl SplatCodes {

@@ -4,7 +4,7 @@ use super::header::{Block, Entry, HEADER_BYTES, Header, MINOR, blocks_in_order};
 use super::layers::{PlannedChunk, chunks};
 use super::lossless;
 use super::orient::oriented;
-use super::plan::Plan;
+use super::plan::{PerSplat, Plan};
 use super::splats::SplatCodes;
 use super::steps::{Quantiser, Steps};
 use super::tables::{FileMeta, Order};
@@ -48,16 +48,6 @@ pub struct LtgsOptions<'a> {
     pub per_splat: PerSplat<'a>,
     /// How long lossless files may take.
     pub effort: Effort,
-}
-
-/// What is known of each splat of an asset that a lossy file is made of.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct PerSplat<'a> {
-    /// Exponents of the splats' steps, see [`super::Sensitivities::rounding`]; those that are missing are zero. `[n]`
-    pub exponents: &'a [i8],
-    /// What the splats contribute to images, in any unit: those that contribute most are in the first layer. If empty, it is
-    /// estimated. `[n]`
-    pub contributions: &'a [f32],
 }
 
 /// Encodes a file. The same asset and options give the same bytes.

@@ -1,6 +1,6 @@
 //! What the containers of all versions hold, and the checks that they share.
 
-use super::{MAGIC, NUM_STREAMS, gzip, zstd_streams};
+use super::{MAGIC, NUM_STREAMS};
 use crate::files::limits::splat_bytes;
 use crate::{Error, ReadLimits, Result, SPLATS_MAX, num_sh_coefficients};
 use std::path::Path;
@@ -101,16 +101,4 @@ pub struct Container {
     pub streams: Vec<Stream>,
     /// Our metadata, as JSON.
     pub meta: Option<Vec<u8>>,
-}
-
-/// Decompresses a file of any version.
-///
-/// # Errors
-/// As [`super::decode_spz`].
-pub fn unpack(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<Container> {
-    if bytes.starts_with(&gzip::MAGIC) {
-        gzip::unpack(bytes, path, limits)
-    } else {
-        zstd_streams::unpack(bytes, path, limits)
-    }
 }

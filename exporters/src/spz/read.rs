@@ -1,7 +1,7 @@
 //! Reads SPZ of versions 1 to 4 by any program; skips what others added.
 
-use super::container::{Container, Header, Stream, unpack};
-use super::{ANTIALIASED, NAMES, float16, rotation};
+use super::container::{Container, Header, Stream};
+use super::{ANTIALIASED, NAMES, float16, gzip, rotation, zstd_streams};
 use crate::asset::meta::{META_BYTES_MAX, Meta};
 use crate::fallback::ellipsoid;
 use crate::files::limits::room_for_splats;
@@ -107,4 +107,16 @@ fn splats(header: &Header, streams: &[Stream], path: &Path) -> Result<(SplatAsse
         return Err(Error::invalid(path, "splats are missing"));
     }
     Ok((asset, thick))
+}
+
+/// Decompresses a file of any version.
+///
+/// # Errors
+/// As [`decode_spz`].
+fn unpack(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<Container> {
+    if bytes.starts_with(&gzip::MAGIC) {
+        gzip::unpack(bytes, path, limits)
+    } else {
+        zstd_streams::unpack(bytes, path, limits)
+    }
 }

@@ -19,6 +19,7 @@ mod package;
 mod quad_mesh;
 mod read;
 mod sections;
+mod shade;
 mod stage;
 mod text_read;
 mod text_write;

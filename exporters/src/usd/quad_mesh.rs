@@ -3,7 +3,7 @@
 use super::layer::{Prim, Property};
 use super::names::*;
 use super::numbers::{floats, ints};
-use super::stage::{material, shader, texture};
+use super::shade::{material, shader, texture};
 use super::value::{Form, Numbers, Value};
 use crate::SplatAsset;
 use crate::fallback::depth_order::{faces_cameras, places_far_to_near};
