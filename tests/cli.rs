@@ -248,6 +248,29 @@ fn foreign_folders_and_files_are_refused_before_anything_is_read() {
 }
 
 #[test]
+fn files_of_an_unknown_kind_get_one_sentence_and_one_exit_code() {
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::write(dir.path().join("a.txt"), "text").unwrap();
+    for (arguments, expected) in [
+        (["export", "a.txt", "-o", "b.glb"].as_slice(), "step-*.safetensors"),
+        (&["validate", "a.txt"], ".glb"),
+        (&["verify", "a.txt", "--against", "a.txt"], ".glb"),
+        (&["compare", "a.txt", "a.txt"], "an image"),
+        (&["view", "a.txt"], ".glb"),
+        (&["render", "a.txt", "--test", "-o", "images"], ".glb"),
+        (&["inspect", "a.txt"], "a capture"),
+        (&["eval", "a.txt"], "step-*.safetensors"),
+        (&["train", "a.txt", "-o", "run"], "a capture"),
+        (&["schedule", "a.txt"], "a capture"),
+    ] {
+        let (code, _, stderr) = litetex_in(dir.path(), arguments);
+        let says = |what: &str| stderr.contains(what);
+        let is_told = says("a.txt: a \".txt\" file cannot be used here; expected ") && says(expected);
+        assert!(code == 4 && is_told, "{arguments:?}: {code} {stderr}");
+    }
+}
+
+#[test]
 fn files_named_like_a_quickstart_are_not_replaced_without_its_run() {
     let dir = tempfile::tempdir().unwrap();
     let mine = ["still-life/images/view_0000.png", "still-life.ply"].map(|name| dir.path().join(name));

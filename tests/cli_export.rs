@@ -432,7 +432,7 @@ fn impossible_exports_are_refused_before_writing() {
     let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
     let at = |name: &str| folder.path().join(name);
     let cases: [(&[&str], i32, &str); 11] = [
-        (&["-o", "x.obj"], 4, "known: .glb"),
+        (&["-o", "x.obj"], 4, "expected an asset (.glb"),
         (&["-o", "x.usdz", "--quality", "tiny"], 4, "lossless and balanced"),
         (&["-o", "x.ltgs", "./x.ltgs"], 2, "as well"),
         (&["-o", "x.ltgs", "--mesh"], 2, "--mesh"),
