@@ -13,7 +13,7 @@ use litetex_gs::camera::Camera;
 use litetex_gs::cpu::CpuBackend;
 use litetex_gs::model::{AdamState, LearningRates, Model};
 use litetex_gs::train::{
-    Control, NO_SNAPSHOT, StopReason, TrainConfig, TrainEvent, TrainState, checkpoint, train,
+    Control, NO_SNAPSHOT, StopReason, Policy, TrainConfig, TrainEvent, TrainState, checkpoint, train,
 };
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result};
@@ -190,7 +190,7 @@ fn run_with(
             TrainEvent::DensityControl { step, counts, size, .. } => {
                 format!("density control {step} {counts:?} {size:?}")
             }
-            TrainEvent::GaveBack(given_back) => format!("{given_back:?}"),
+            TrainEvent::Pruned(pruned) => format!("{pruned:?}"),
             TrainEvent::Evaluated { step, evaluation, point, last } => {
                 format!("evaluated {step} {} {evaluation:?} {last}", point.psnr_test)
             }
@@ -333,10 +333,10 @@ fn a_failed_density_control_step_is_repeated_on_resume() {
     let views = photos(&scene());
     // Density control every 5 steps; then every 100 steps, with maps cropped and padded every 40.
     let mut cropping = TrainConfig { eval_every: 0, save_every: 0, ..config(125) };
-    cropping.density.interval = 24_000;
+    (cropping.policy, cropping.density.interval) = (Policy::Paper, 24_000);
     let cases = [(settings(), &[5, 10, 15, 20, 25, 30, 35][..]), (cropping, &[40, 80, 100, 120])];
     for (mut config, due) in cases {
-        config.density.give_back_db = 0.0;
+        config.density.prune_db = 0.0;
         let run = |fault, from: &TrainState| {
             run_with(&config, &mut BatchedBackend::new(5, fault), &views, from.clone(), 0)
         };

@@ -43,7 +43,7 @@ fn models_merge_on_the_way_to_their_budget_and_no_further() {
     let merged = |merge: &str| {
         let summary = train(&format!("--budget-params 900 --set {merge}"));
         assert!(summary["size"]["params"].as_u64().unwrap() <= 900, "{summary}");
-        let rounds = summary["given_back"].as_array().unwrap();
+        let rounds = summary["pruned"].as_array().unwrap();
         let of = |round: &Value| ["merged", "params"].map(|key| round[key].as_u64().unwrap());
         rounds.iter().map(of).collect::<Vec<_>>()
     };
@@ -59,13 +59,13 @@ fn models_merge_on_the_way_to_their_budget_and_no_further() {
 fn a_model_within_its_budget_gives_back_by_need_only() {
     let dir = tempfile::tempdir().unwrap();
     let train = wall(dir.path());
-    let given_back = |words: &str| train(words)["given_back"].as_array().unwrap().clone();
-    let within = given_back("--need 0.05 --budget-params 1M");
+    let pruned = |words: &str| train(words)["pruned"].as_array().unwrap().clone();
+    let within = pruned("--need 0.05 --budget-params 1M");
     assert!(
         within.iter().all(|round| round["params"].as_u64() < round["params_before"].as_u64()),
         "{within:?}"
     );
     assert!(!within.is_empty());
-    assert_eq!(within, given_back("--need 0.05"), "a budget that does not bind changes nothing");
-    assert!(given_back("--budget-params 1M").is_empty());
+    assert_eq!(within, pruned("--need 0.05"), "a budget that does not bind changes nothing");
+    assert!(pruned("--budget-params 1M").is_empty());
 }

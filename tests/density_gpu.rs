@@ -13,7 +13,7 @@ use litetex_gs::camera::Camera;
 use litetex_gs::cpu::CpuBackend;
 use litetex_gs::gpu::{GpuOptions, LimitChoice};
 use litetex_gs::train::density::{
-    Budget, Components, Growth, MapRule, Revision, Situation, SplatHistory, decide,
+    Budget, Components, MapRule, Revision, Situation, SplatHistory, Timing, revise,
 };
 use litetex_gs::train::{Policy, TrainState};
 
@@ -44,34 +44,36 @@ fn the_full_method_is_reproducible_from_any_checkpoint() {
 /// The decisions from the model and statistics of a backend.
 fn decided(backend: &mut dyn Backend, histories: &[SplatHistory], cameras: &[Camera]) -> Revision {
     let (model, statistics) = (backend.read_flushed().unwrap(), backend.read_statistics().unwrap());
+    let config = config(Policy::Litetex);
     let situation = Situation {
-        growth: Growth::default(),
-        step: 1,
-        seed: 0,
         model: &model,
         histories,
         statistics: &statistics,
         cameras,
+        settings: &config.density,
+        components: Components::default(),
+        map_rule: MapRule::Adaptive,
         render_scale: 1.0,
         texture_cap: 64,
-        densify: true,
-        use_statistics: true,
-        texels_trained: true,
-        images_resized: false,
-        may_coarsen: true,
-        may_pad: true,
-        sh_tested: 3,
-        sh_trial_checks: 0,
-        sh_highest: 3,
-        draws_growth: false,
-        max_added: 40,
+        timing: Timing {
+            grows: true,
+            use_statistics: true,
+            texels_trained: true,
+            may_coarsen: true,
+            may_pad: true,
+            sh_tested: 3,
+            sh_trial_checks: 0,
+            sh_highest: 3,
+            max_splits: 40,
+            split_texels: Some(12.0),
+            patience: 2,
+            opacity_floor: 0.02,
+        },
+        budget: Budget::default(),
         initial_splats: model.num_splats(),
-        split_texels: 12.0,
-        patience: 2,
-        opacity_floor: 0.02,
-        rule: MapRule::Adaptive,
+        seed: 0,
     };
-    decide(&situation, &config(Policy::Litetex).density, &Components::default(), &Budget::default())
+    revise(Policy::Litetex, &situation)
 }
 
 #[test]

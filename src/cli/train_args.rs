@@ -92,7 +92,7 @@ pub struct TrainingArgs {
     /// Largest number of parameters, such as 500k or 5M: a splat has 58 at SH degree 3 and 22 at degree 1, a texture map 2 and 3 per texel
     #[arg(long, value_name = "N", value_parser = parse_count, help_heading = "Budget")]
     pub budget_params: Option<usize>,
-    /// End growth, and give parameters back, where 10 % of them improve the training views by less than this, dB of PSNR; 0: neither
+    /// End growth, and prune, where 10 % of the parameters improve the training views by less than this, dB of PSNR; 0: neither
     #[arg(long, value_name = "DB", value_parser = parse_decibels, help_heading = "Budget")]
     pub need: Option<f64>,
     /// Initial points: auto (the capture's; where they are few, more found in the photos; random if none are found), sfm
@@ -124,7 +124,7 @@ impl TrainArgs {
         }
         if let Some(need) = t.need {
             config.train.density.need_db = need;
-            config.train.density.give_back_db = need;
+            config.train.density.prune_db = need;
         }
         set_some(&mut config.train.budget.max_params, &t.budget_params);
         set(&mut config.train.steps, t.steps);

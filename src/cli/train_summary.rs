@@ -1,7 +1,7 @@
 //! The result of a training as a short table.
 
 use litetex_gs::console::{Output, Table};
-use litetex_gs::run::{GrowthFigures, Summary};
+use litetex_gs::run::{EndOfGrowth, Summary};
 use litetex_gs::text::{format_bytes, format_count, format_duration};
 use serde_json::json;
 
@@ -22,8 +22,8 @@ pub fn output(s: &Summary) -> Output {
     table.row("splats", format_count(s.size.splats as u64));
     table.row("texels", format_count(s.size.texels as u64));
     table.row("parameters", format_count(s.size.params as u64));
-    if let Some(growth) = s.growth.as_ref().and_then(GrowthFigures::line) {
-        table.row("growth", growth);
+    if let (Some(step), Some(EndOfGrowth::Need)) = (s.growth.ended_step, s.growth.ended_by) {
+        table.row("growth", format!("ended at step {step} by need"));
     }
     if let Some(disk) = &s.size.disk {
         let [balanced, tiny] = [disk.ltgs_balanced, disk.ltgs_tiny].map(|bytes| format_bytes(bytes as u64));

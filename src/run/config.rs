@@ -202,11 +202,10 @@ impl RunConfig {
         if t.background.iter().any(|x| !(0.0..=1.0).contains(x)) {
             return Err(format!("train.background: found {:?}, expected numbers from 0 to 1", t.background));
         }
-        if t.policy == Policy::Cat && self.profile != Profile::Cat {
-            // Other settings of content-aware texturing are the profile's.
-            return Err(
-                "train.policy: cat is part of the profile of that name: choose --profile cat".to_owned()
-            );
+        if let Some(profile) = Profile::of(t.policy).filter(|&profile| profile != self.profile) {
+            // Other settings of these methods are the profile's.
+            let name = profile.name();
+            return Err(format!("train.policy: {name} is part of the profile of that name: choose --profile {name}"));
         }
         if t.random_background && t.background != [0.0; 3] {
             return Err("train.random-background: needs train.background = [0, 0, 0]".to_owned());

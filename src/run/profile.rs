@@ -4,7 +4,7 @@
 use crate::backend::LossWeights;
 use crate::frequency::{CapRule, FrequencyOptions, StartRule};
 use crate::model::Filter;
-use crate::train::density::{DensityConfig, ErrorMeasure, GrowthMoments, Spending, SplitProfile, Splits};
+use crate::train::density::DensityConfig;
 use crate::train::{Backdrop, Policy, TrainConfig};
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
@@ -55,6 +55,16 @@ impl Profile {
         }
     }
 
+    /// The profile that a policy is part of, if it is not on offer by itself.
+    pub fn of(policy: Policy) -> Option<Self> {
+        match policy {
+            Policy::Paper => Some(Self::Paper),
+            Policy::Authors => Some(Self::Authors),
+            Policy::Cat => Some(Self::Cat),
+            Policy::Litetex | Policy::Fixed(_) | Policy::Plain | Policy::None => None,
+        }
+    }
+
     /// Replaces all settings that profiles decide, so that nothing of another profile is left.
     pub fn apply(self, config: &mut TrainConfig) {
         let TrainConfig {
@@ -90,37 +100,26 @@ impl Profile {
             config.rates.position_random = config.rates.position;
         }
         let paper = || DensityConfig {
+            interval: 250,
             quantile: 0.85,
             alpha_texture: crate::constants::ALPHA_MIN,
-            growth_moments: GrowthMoments::Kept,
-            untextured: false,
-            error: ErrorMeasure::Mean,
-            split_profile: SplitProfile::Paper,
-            splits: Splits::Long,
-            spending: Spending::SplitsFirst,
-            respawn: false,
-            ceiling_start: 2,
             sh_below: 0.0,
             sh_raise: 0.0,
             grow_by_axis: 0.0,
-            give_back_db: 0.0,
+            prune_db: 0.0,
             ..DensityConfig::default()
         };
         match self {
             Self::Default => {}
             Self::Paper => {
+                config.policy = Policy::Paper;
                 config.density = paper();
                 config.scheduler = FrequencyOptions::paper();
                 config.loss = LossWeights::PUBLISHED;
             }
             Self::Authors => {
-                config.density = DensityConfig {
-                    growth_moments: GrowthMoments::Zero,
-                    error: ErrorMeasure::Mass,
-                    ceiling_start: 32,
-                    patience_steps: 0,
-                    ..paper()
-                };
+                config.policy = Policy::Authors;
+                config.density = DensityConfig { patience_steps: 0, ..paper() };
                 config.scheduler = FrequencyOptions {
                     cap_rule: CapRule::Authors,
                     start_rule: StartRule::Quantile,
@@ -133,13 +132,9 @@ impl Profile {
                 config.policy = Policy::Cat;
                 config.loss = LossWeights::PUBLISHED;
                 config.density = DensityConfig {
-                    growth_moments: GrowthMoments::Zero,
-                    error: ErrorMeasure::Mass,
                     quantile: 0.9,
                     split_texels: [64.0, 32.0],
-                    densify_until: 25_000,
                     texture_start: 500,
-                    opacity_floor: [1.0 / 255.0; 2],
                     // Its maps end at sqrt(ln(255 o)) standard deviations, where alpha is 0.02 to 0.06.
                     alpha_texture: 0.05,
                     ..paper()
@@ -176,12 +171,11 @@ mod tests {
         };
         for profile in [Profile::Paper, Profile::Authors, Profile::Cat] {
             let density = density(profile);
-            assert_eq!(density.splits, Splits::Long);
             let ours = [
                 density.sh_below,
                 density.sh_raise,
                 density.grow_by_axis,
-                density.give_back_db,
+                density.prune_db,
                 density.need_db,
             ];
             assert_eq!(ours, [0.0; 5]);

@@ -4,7 +4,6 @@ use super::config::{RunConfig, SaveImages};
 use super::evaluations::StagedFolder;
 use super::folder::RunFolder;
 use super::outlying::ViewLosses;
-use super::summary::GrowthFigures;
 use super::view_files::{write_per_view, write_view};
 use crate::backend::{RenderedImage, StepReport};
 use crate::eval::Evaluation;
@@ -49,7 +48,6 @@ pub struct Recorder<'a> {
     non_finite_gradients: u64,
     losses: ViewLosses,
     /// Last step after which the model may grow.
-    densify_until: u32,
     /// Step of the last evaluation.
     evaluated_step: u32,
     /// The last evaluation.
@@ -88,7 +86,6 @@ impl<'a> Recorder<'a> {
             last_with_images: None,
             non_finite_gradients: 0,
             losses: ViewLosses::default(),
-            densify_until: Schedule::new(&config.train, views.indices(Split::Train).len()).densify_until,
             evaluated_step: 0,
             evaluation: None,
             checkpoint: None,
@@ -120,18 +117,17 @@ impl<'a> Recorder<'a> {
             TrainEvent::DensityControl {
                 step,
                 counts,
-                growth,
                 size,
                 render_scale,
                 texture_cap,
                 wall_secs,
             } => self.metric(json!({ "event": "density-control", "step": step, "counts": counts,
-                "growth": GrowthFigures::new(growth, &self.config.train, *step, self.densify_until),
                 "splats": size.splats, "texels": size.texels, "params": size.params,
                 "render_scale": render_scale,
                 "texture_cap": texture_cap, "wall_secs": wall_secs })),
-            TrainEvent::GaveBack(given_back) => self
-                .metric(json!({ "event": "gave-back", "step": given_back.step, "given_back": given_back })),
+            TrainEvent::Pruned(pruned) => {
+                self.metric(json!({ "event": "pruned", "step": pruned.step, "pruned": pruned }))
+            }
             TrainEvent::EvalView { step, view, image } => self.eval_view(*step, *view, image),
             TrainEvent::Evaluated { step, evaluation, point, last } => {
                 self.evaluated_step = *step;

@@ -8,7 +8,7 @@ use crate::capture::Capture;
 use crate::model::{MAP_PARAMS, Model, ModelSize, TEXEL_PARAMS, splat_params};
 use crate::text::{format_bytes, format_count, format_duration};
 use crate::train::density::{Budget, MapRule};
-use crate::train::{DensityStep, Schedule, TrainConfig};
+use crate::train::{Policy, Schedule, TrainConfig};
 use crate::views::{Split, ViewSource as _};
 use crate::{Error, Result};
 
@@ -32,7 +32,7 @@ const BYTES_PER_PIXEL_AND_THREAD: u64 = 27;
 const BYTES_PER_SPLAT: u64 = 1600;
 /// More of it where the model gives back: the model before, what its parts cost, merges on trial. Fitted to fox, 300 steps
 /// with 300,000 parameters: `litetex` with up to 25,000 splats 223 MiB, `plain` with up to 39,000 228 MiB.
-const GIVING_BACK_BYTES_PER_SPLAT: u64 = 1400;
+const PRUNING_BYTES_PER_SPLAT: u64 = 1400;
 
 /// Bytes per pixel and thread while a photo's spectrum is taken: three planes, weights, gradients and the
 /// transform, all in f64.
@@ -53,7 +53,7 @@ const REDUCED_BYTES_MAX: u64 = 1 << 30;
 const EXPECTED_GROWTH: u64 = 2;
 const EXPECTED_TEXELS_EACH: u64 = 100;
 /// The same where growth is drawn (fox and lego at 160 to 480 pixels: 3.6 to 4.9).
-const EXPECTED_DRAWN_TEXELS_EACH: u64 = 4;
+const EXPECTED_BUDGET_TEXELS_EACH: u64 = 4;
 
 /// What is going to be trained.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,7 +77,7 @@ pub struct Workload {
     /// Memory for decoding as many photos at once as may be decoded at once.
     pub decoding_bytes: u64,
     /// Whether the model gives back what it does not miss.
-    pub gives_back: bool,
+    pub is_pruned: bool,
     /// Whether the photos are analysed, and reduced for the first stages.
     pub is_scheduled: bool,
     /// Steps to do.
@@ -131,7 +131,7 @@ impl Workload {
             test_views: (capture.num_views() - train.len()) as u64,
             cache_limit_bytes: capture.cache_limit_bytes(),
             decoding_bytes: capture.decoding_bytes(threads),
-            gives_back: config.density.give_back_db > 0.0,
+            is_pruned: config.density.prune_db > 0.0,
             is_scheduled: config.active_components().scheduler,
             steps,
             threads: threads as u64,
@@ -143,9 +143,9 @@ impl Workload {
     pub fn grown(&self, config: &TrainConfig) -> Self {
         let budget = &Schedule::new(config, self.train_views as usize).budget(config, 0);
         let bound = |most: Option<usize>| most.map_or(u64::MAX, |most| most as u64);
-        let relocates = config.policy.spec().step == DensityStep::Relocate;
+        let relocates = config.policy == Policy::Plain;
         let has_budget = budget.max_splats.is_some() || budget.max_params.is_some();
-        let wanted = if config.draws_growth() || (relocates && has_budget) {
+        let wanted = if config.splits_any_length() || (relocates && has_budget) {
             u64::MAX / 64
         } else if relocates && *budget == Budget::default() {
             self.splats
@@ -156,7 +156,7 @@ impl Workload {
         let splat_params = self.splat_params.min(splat_params(config.least_sh_degree()) as u64);
         let grown = Self { splat_params, ..*self };
         let texels_each =
-            if config.draws_growth() { EXPECTED_DRAWN_TEXELS_EACH } else { EXPECTED_TEXELS_EACH };
+            if config.splits_any_length() { EXPECTED_BUDGET_TEXELS_EACH } else { EXPECTED_TEXELS_EACH };
         let splats = wanted.min(bound(budget.max_splats)).min(bound(budget.max_params) / grown.params(1, 0));
         let texels = match config.policy.spec().map_rule {
             MapRule::None => 0,
@@ -217,8 +217,8 @@ impl Workload {
             false => 0,
         };
         let per_pixel = BYTES_PER_PIXEL + BYTES_PER_PIXEL_AND_THREAD * self.threads;
-        let giving_back = if self.gives_back { GIVING_BACK_BYTES_PER_SPLAT } else { 0 };
-        let per_splat = BYTES_PER_SPLAT + giving_back;
+        let pruning = if self.is_pruned { PRUNING_BYTES_PER_SPLAT } else { 0 };
+        let per_splat = BYTES_PER_SPLAT + pruning;
         let training = training_bytes + self.pixels_max * per_pixel + self.splats * per_splat;
         let held = self.test_views.min(EVALUATED_VIEWS);
         let comparing = held.min(self.threads);
@@ -338,7 +338,7 @@ mod tests {
         test_views: 7,
         cache_limit_bytes: 4 << 30,
         decoding_bytes: 16 << 20,
-        gives_back: false,
+        is_pruned: false,
         is_scheduled: true,
         steps: 300,
         threads: 2,
@@ -381,7 +381,7 @@ mod tests {
         let grown = |policy: &str, budget: Budget| {
             let policy = policy.parse().unwrap();
             let mut config = TrainConfig { policy, budget, ..TrainConfig::default() };
-            (config.density.overshoot, config.density.relocate_overshoot) = (1.0, 1.0);
+            config.density.overshoot = Some(1.0);
             let grown = FOX.grown(&config);
             assert!(grown.splat_params <= FOX.splat_params);
             (grown.splats, grown.texels)
@@ -395,16 +395,8 @@ mod tests {
         // With SH of degree 1, as most splats keep no more.
         let params = Workload { splat_params: 22, ..FOX }.params(splats, texels);
         assert!(splats > n && texels > FOX.texels && (2_999_900..=3_000_000).contains(&params), "{params}");
-        // Drawn growth fills its budget, whatever the number of points; growth by need need not.
-        let budget = most(None, None, Some(30_000_000));
-        let need = |need_db| DensityConfig { need_db, ..DensityConfig::default() };
-        let of = |need_db| TrainConfig {
-            policy: "none".parse().unwrap(),
-            density: need(need_db),
-            budget,
-            ..TrainConfig::default()
-        };
-        assert!(FOX.grown(&of(0.0)).splats > 2 * n && FOX.grown(&of(0.05)).splats == 2 * n);
+        // A budget is filled, whatever the number of points.
+        assert!(grown("none", most(None, None, Some(30_000_000))).0 > 2 * n);
         let budget = most(None, None, Some(3_000_000));
         let raised = FOX.grown(&TrainConfig { budget, ..TrainConfig::default() });
         assert!(raised.splats > splats && raised.texels > texels, "growth may exceed the budget");

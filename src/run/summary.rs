@@ -4,8 +4,8 @@
 use super::profile::Profile;
 use crate::backend::DeviceInfo;
 use crate::eval::{Evaluation, ViewQuality};
-use crate::train::density::{Components, Growth, Kind};
-use crate::train::{CurvePoint, GivenBack, Policy, TrainConfig};
+use crate::train::density::{Components, Growth};
+use crate::train::{CurvePoint, Policy, Pruned};
 use crate::{Result, Warning, atomic_file, input_file};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -59,10 +59,10 @@ pub struct Summary {
     pub quality: Option<Quality>,
     /// Size of the model.
     pub size: Size,
-    /// What growth was worth; null where it is not measured.
-    pub growth: Option<GrowthFigures>,
-    /// Rounds of giving back.
-    pub given_back: Vec<GivenBack>,
+    /// The end of growth.
+    pub growth: GrowthFigures,
+    /// Rounds of pruning after growth.
+    pub pruned: Vec<Pruned>,
     /// Times.
     pub time: Times,
     /// Rendering speed on the test views; null if none was rendered.
@@ -77,28 +77,9 @@ pub struct Summary {
     pub warnings: Vec<Warning>,
 }
 
-/// What growth was worth, as far as it was measured.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+/// The end of growth.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct GrowthFigures {
-    /// What 10 % more parameters must promise, dB of the training views; null without `--need`.
-    pub need_db: Option<f64>,
-    /// What they promised at the last check; null without `--need`.
-    pub promised_db: Option<f64>,
-    /// The same, with shares two standard errors higher: growth ends where that is less than needed.
-    #[serde(default)]
-    pub promised_at_most_db: Option<f64>,
-    /// Share of its error that a split removes from a splat; null before it was measured.
-    pub split_share: Option<f64>,
-    /// Share of its error that a refined map removes.
-    pub refined_share: Option<f64>,
-    /// Share of its error that another SH band removes.
-    pub band_share: Option<f64>,
-    /// Rank correlation of the error that a splat carried and of what a split removed of it; null before it was measured.
-    pub split_rank_correlation: Option<f64>,
-    /// The same for refined maps.
-    pub refined_rank_correlation: Option<f64>,
-    /// The same for SH bands.
-    pub band_rank_correlation: Option<f64>,
     /// Step after which growth ended; null if it did not.
     pub ended_step: Option<u32>,
     /// What ended it; null if it did not end.
@@ -109,55 +90,19 @@ pub struct GrowthFigures {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum EndOfGrowth {
-    /// More parameters promised too little.
+    /// More parameters lowered the training error too little.
     Need,
     /// The steps of density control that may add were over.
     Timetable,
 }
 
 impl GrowthFigures {
-    /// The figures after a step, of a run that may grow until `densify_until`; `None` if growth is not measured.
-    pub fn new(growth: &Growth, config: &TrainConfig, step: u32, densify_until: u32) -> Option<Self> {
-        let need_db = Some(config.density.need_db).filter(|&need_db| need_db > 0.0);
-        let [split_share, refined_share, band_share] =
-            [Kind::Split, Kind::Refined, Kind::Band].map(|kind| growth.share(kind));
-        let [split_rank_correlation, refined_rank_correlation, band_rank_correlation] =
-            growth.rank_correlations();
-        let ended = if growth.has_ended() {
-            Some((growth.ended_step, EndOfGrowth::Need))
-        } else {
-            (step >= densify_until).then_some((densify_until, EndOfGrowth::Timetable))
-        };
-        let promised = need_db.and(growth.promised_db);
-        let figures = Self {
-            need_db,
-            promised_db: promised.map(|promised| promised[0]),
-            promised_at_most_db: promised.map(|promised| promised[1]),
-            split_share,
-            refined_share,
-            band_share,
-            split_rank_correlation,
-            refined_rank_correlation,
-            band_rank_correlation,
-            ended_step: ended.map(|(step, _)| step),
-            ended_by: ended.map(|(_, by)| by),
-        };
-        (need_db.is_some() || config.draws_growth()).then_some(figures)
-    }
-
-    /// A line for people; `None` without `--need`.
-    pub fn line(&self) -> Option<String> {
-        let need_db = self.need_db?;
-        let ended = match (self.ended_step, self.ended_by) {
-            (Some(step), Some(EndOfGrowth::Need)) => format!("ended at step {step} by need"),
-            (Some(step), _) => format!("ended at step {step} by the timetable"),
-            (None, _) => "not ended".to_owned(),
-        };
-        let promised = self.promised_db.zip(self.promised_at_most_db).map_or_else(
-            || "never judged".to_owned(),
-            |(likely, most)| format!("10 % more parameters promised {likely:.3} dB, at most {most:.3}"),
-        );
-        Some(format!("{ended}; {promised} (need: {need_db} dB)"))
+    /// The figures after a step, of a run that may grow until `densify_until`.
+    pub fn new(growth: &Growth, step: u32, densify_until: u32) -> Self {
+        let by_timetable = (step >= densify_until).then_some((densify_until, EndOfGrowth::Timetable));
+        let by_need = growth.has_ended().then_some((growth.ended_step, EndOfGrowth::Need));
+        let ended = by_need.or(by_timetable);
+        Self { ended_step: ended.map(|(step, _)| step), ended_by: ended.map(|(_, by)| by) }
     }
 }
 
@@ -260,9 +205,8 @@ pub struct Times {
     pub train_cpu_secs: f64,
     /// Share of density control in the training time: reading the model back, planning and carrying out the plan.
     pub density_control_wall_secs: f64,
-    /// Part of that for giving back: probing, trials and checks.
-    #[serde(default)]
-    pub give_back_wall_secs: f64,
+    /// Part of that for pruning after growth: probing, trials and checks.
+    pub prune_wall_secs: f64,
     /// Share of the analysis of the photos' spectra in the training time.
     pub analysis_wall_secs: f64,
     /// From the start of the command to the writing of this file, with the earlier parts of a resumed run.
@@ -323,11 +267,9 @@ mod tests {
 
     #[test]
     fn summaries_say_what_ended_growth() {
-        let mut config = TrainConfig::default();
-        config.density.need_db = 0.05;
         let ended = |ended_step: u32, step: u32| {
             let growth = Growth { ended_step, ..Growth::default() };
-            let figures = GrowthFigures::new(&growth, &config, step, 70).unwrap();
+            let figures = GrowthFigures::new(&growth, step, 70);
             (figures.ended_step, figures.ended_by)
         };
         assert_eq!(ended(0, 69), (None, None));

@@ -5,8 +5,7 @@
 //! texturing), whose values the paper inherits; the configuration that the authors published with their code;
 //! a section of `docs/method.md` ("method 6.1"), which has the measurement; or "not measured".
 
-use super::density::{Budget, Components, DensityConfig, Spending, Splits};
-use super::policy::{DensityStep, Policy};
+use super::density::{Budget, Components, DensityConfig, Policy, Rule};
 use crate::backend::LossWeights;
 use crate::constants::sh_coefficients;
 use crate::frequency::FrequencyOptions;
@@ -177,14 +176,10 @@ impl TrainConfig {
         (least..=self.sh_degree).rev().find(fits).unwrap_or(least)
     }
 
-    /// Whether growth is drawn (see [`Splits::Drawn`]). Growth by need compares candidates instead.
-    pub fn draws_growth(&self) -> bool {
-        self.policy.spec().step == DensityStep::Decide
-            && self.density.splits == Splits::Drawn
-            && self.density.spending == Spending::Gain
-            && self.budget.max_params.is_some()
-            && self.density.need_db == 0.0
-            && self.active_components().splitting
+    /// Whether splats of any length are split, up to the budget: only `litetex` with a budget of parameters. Without one, growth
+    /// follows the length of splats (method 6.8).
+    pub fn splits_any_length(&self) -> bool {
+        self.policy.spec().rule == Rule::Litetex && self.budget.max_params.is_some()
     }
 
     /// The parts that are on, less those that the policy excludes.

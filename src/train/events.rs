@@ -1,8 +1,8 @@
 //! The trainer's output: one stream of typed events for progress bars, logs, run folders and tests. The
 //! consumer answers each event with whether to continue.
 
-use super::density::{DensityCounts, Growth};
-use super::give_back::GivenBack;
+use super::density::DensityCounts;
+use super::prune::Pruned;
 use super::state::TrainState;
 use crate::Warning;
 use crate::backend::{DeviceInfo, LossValues, RenderedImage, StepReport};
@@ -92,8 +92,6 @@ pub enum TrainEvent<'a> {
         step: u32,
         /// What the revision did.
         counts: DensityCounts,
-        /// What growth was worth.
-        growth: &'a Growth,
         /// Size of the model after the revision.
         size: SizeFigures,
         /// Render scale of the stage that begins.
@@ -103,8 +101,8 @@ pub enum TrainEvent<'a> {
         /// Time that it took, part of the training time of the last step.
         wall_secs: f64,
     },
-    /// The model gave back parameters, after the density-control step reported before.
-    GaveBack(GivenBack),
+    /// The model was pruned, after the density-control step reported before.
+    Pruned(Pruned),
     /// A test view was rendered for the evaluation that [`TrainEvent::Evaluated`] will report.
     EvalView {
         /// Steps done.

@@ -2,13 +2,13 @@
 
 use super::background::background_of;
 use super::config::{Exposure, TrainConfig};
-use super::density::{DensityCounts, StatisticsSource};
+use super::density::DensityCounts;
 use super::eta::Eta;
 use super::evaluate::{Evaluated, evaluate};
 use super::events::{Control, SizeFigures, StopReason, TrainEvent};
-use super::give_back::{GivenBack, Round, TrainingViews};
 use super::limits::check_limits;
 use super::order::ViewOrder;
+use super::prune::{Pruned, Round, TrainingViews};
 use super::schedule::Schedule;
 use super::state::{CurvePoint, TrainState};
 use super::targets::Targets;
@@ -69,6 +69,7 @@ pub fn train(
     let cameras: Vec<Camera> = train_views.iter().map(|&view| views.camera(view)).collect();
     let smaller_side_px = smaller_side_px(&cameras);
     let scale = |step| Stage::at(config, &schedule, &frequency, smaller_side_px, step).render_scale;
+    let stage = Stage::at(config, &schedule, &frequency, smaller_side_px, start.stage_step);
     let eta = Eta::new((0..config.steps).map(|step| scale(schedule.last_density_step(step))));
     let size = start.model.size().into();
     let targets = Targets::new(views.num_views(), 1.0);
@@ -83,7 +84,7 @@ pub fn train(
         cameras,
         limits,
         eta,
-        stage: Stage { render_scale: 1.0, texture_cap: 256 },
+        stage,
         targets,
         size,
         state: start,
@@ -226,6 +227,7 @@ impl Trainer<'_> {
         };
         for (planned, report) in batch.iter().zip(&reports) {
             self.state.exposures.record(planned.view, report.colour_sums);
+            self.state.view_losses[planned.view] = report.loss.total as f32;
         }
         self.advance(batch.len());
         let diverged = reports.iter().position(|report| !report.loss.total.is_finite());
@@ -237,20 +239,19 @@ impl Trainer<'_> {
         let times = [wall_secs, process_cpu_secs() - clock.cpu_secs];
         let finite_steps = diverged.unwrap_or(batch.len());
         let mut control = self.report((&batch, &reports[..finite_steps]), size, times, sink)?;
-        if let Some((counts, given_back)) = changed {
+        if let Some((counts, pruned)) = changed {
             let (size, step, Stage { render_scale, texture_cap }) = (self.size, self.state.step, self.stage);
             let event = TrainEvent::DensityControl {
                 step,
                 counts,
-                growth: &self.state.growth,
                 size,
                 render_scale,
                 texture_cap,
                 wall_secs: density_control_secs,
             };
             control = control.max(sink(event)?);
-            if let Some(outcome) = given_back {
-                control = control.max(sink(TrainEvent::GaveBack(outcome))?);
+            if let Some(pruned) = pruned {
+                control = control.max(sink(TrainEvent::Pruned(pruned))?);
             }
         }
         match diverged {
@@ -263,33 +264,22 @@ impl Trainer<'_> {
     }
 
     /// Makes the density-control step or the crop step that is due, if any; returns what the former did, and what a round
-    /// of giving back after it did.
-    fn revise(&mut self) -> Result<Option<(DensityCounts, Option<GivenBack>)>> {
+    /// of pruning after it did.
+    fn revise(&mut self) -> Result<Option<(DensityCounts, Option<Pruned>)>> {
         let step = self.state.step;
         let due = self.schedule.is_density_step(step);
         if !due && !self.schedule.is_crop_step(step) {
             return Ok(None);
         }
         let use_statistics = due && step >= self.schedule.density_start;
-        if use_statistics && self.config.density.statistics == StatisticsSource::Full {
-            let (views, background) = (self.views, self.config.background);
-            let degree = self.schedule.sh_degree(step, self.config.sh_degree);
-            let (train_views, targets) = (&self.train_views, &mut self.targets);
-            let exposures = &self.state.exposures;
-            window::full_statistics(
-                self.backend,
-                views,
-                train_views,
-                targets,
-                (background, degree, exposures),
-            )?;
+        if use_statistics {
+            self.observe_growth();
         }
         let density = DensityControl {
             config: self.config,
             schedule: &self.schedule,
             cameras: &self.cameras,
             stage: self.stage,
-            last_stage: self.stage_at(step.saturating_sub(2 * self.schedule.density_interval)),
             limits: self.limits,
         };
         let (counts, size) = density.step(self.backend, &mut self.state, use_statistics)?;
@@ -297,14 +287,25 @@ impl Trainer<'_> {
         if due {
             self.begin_stage(step);
         }
-        // A round of giving back that fails is not repeated on resume.
+        // A round of pruning that fails is not repeated on resume.
         self.state.revised_step = step;
-        let given_back = self.give_back()?;
-        Ok(due.then_some((counts, given_back)))
+        let pruned = self.prune()?;
+        Ok(due.then_some((counts, pruned)))
     }
 
-    /// Does the round of giving back that is due, if any.
-    fn give_back(&mut self) -> Result<Option<GivenBack>> {
+    /// With growth by need: compares the loss of all training views with that before, at full image size.
+    fn observe_growth(&mut self) {
+        let losses: Vec<f64> =
+            self.train_views.iter().map(|&view| f64::from(self.state.view_losses[view])).collect();
+        let need_db = self.config.density.need_db;
+        if need_db > 0.0 && self.stage.render_scale == 1.0 && losses.iter().all(|&loss| loss > 0.0) {
+            let mean = losses.iter().sum::<f64>() / losses.len() as f64;
+            self.state.growth.observe(mean, self.size.params, need_db, self.state.step);
+        }
+    }
+
+    /// Does the round of pruning that is due, if any.
+    fn prune(&mut self) -> Result<Option<Pruned>> {
         let (config, step) = (self.config, self.state.step);
         if self.schedule.rounds_left(step) == 0 {
             return Ok(None);
@@ -317,20 +318,25 @@ impl Trainer<'_> {
         };
         let began = Instant::now();
         let round = Round::of(config, &self.schedule, step);
-        let given_back = round.run(self.backend, &mut training, &mut self.state.histories)?;
-        if let Some(given_back) = &given_back {
+        let pruned = round.run(self.backend, &mut training, &mut self.state.histories)?;
+        if let Some(pruned) = &pruned {
             let splats = self.state.histories.len();
-            self.size = SizeFigures { splats, texels: given_back.texels, params: given_back.params };
+            self.size = SizeFigures { splats, texels: pruned.texels, params: pruned.params };
         }
         self.backend.set_statistics(&WindowStatistics::empty(self.size.splats))?;
-        self.state.history.given_back.extend(given_back);
-        self.state.history.give_back_wall_secs += began.elapsed().as_secs_f64();
-        Ok(given_back)
+        self.state.history.pruned.extend(pruned);
+        self.state.history.prune_wall_secs += began.elapsed().as_secs_f64();
+        Ok(pruned)
     }
 
     /// Sets render scale and texture cap to those of a step.
     fn begin_stage(&mut self, step: u32) {
-        self.stage = self.stage_at(step);
+        let stage = self.stage_at(step);
+        if stage.render_scale != self.stage.render_scale {
+            // Losses of images of another size cannot be compared.
+            self.state.view_losses.fill(0.0);
+        }
+        self.stage = stage;
         self.targets.set_scale(self.stage.render_scale);
         self.state.stage_step = step;
     }

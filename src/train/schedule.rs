@@ -2,9 +2,8 @@
 //! and 6.1).
 
 use super::config::TrainConfig;
-use super::density::Budget;
-use super::give_back::MOST_PROBES;
-use super::policy::DensityStep;
+use super::density::{Budget, Policy, Rule};
+use super::prune::MOST_PROBES;
 use crate::backend::LearningRates;
 
 /// Length of the published timetable.
@@ -16,12 +15,12 @@ const HIGHEST_RAISE: f64 = 8.0;
 /// Last step at which splats are split and maps refined if growth ends by need (published timetable).
 const NEED_UNTIL: u32 = 22_000;
 
-/// First possible step of the last round of giving back (published timetable), so that what is left is trained for a fifth
+/// First possible step of the last round of pruning (published timetable), so that what is left is trained for a fifth
 /// of the steps; and least steps from the end of densification to the last round.
-const GIVE_BACK_UNTIL: f64 = 24_000.0;
-const GIVE_BACK_STEPS: f64 = 4_000.0;
+const PRUNE_UNTIL: f64 = 24_000.0;
+const PRUNE_STEPS: f64 = 4_000.0;
 
-/// Steps of a run for each probe, unless it has only two rounds of giving back.
+/// Steps of a run for each probe, unless it has only two rounds of pruning.
 const STEPS_PER_PROBE: u32 = 30;
 
 /// The timetable of a run.
@@ -41,10 +40,10 @@ pub struct Schedule {
     pub density_start: u32,
     /// Last step after which splats are split and maps refined (published: 15,000).
     pub densify_until: u32,
-    /// Rounds of giving back, evenly spread from `densify_until` or full size to `give_back_until`.
-    pub give_back_rounds: u32,
-    /// Step of the last round of giving back (published: 24,000).
-    pub give_back_until: u32,
+    /// Rounds of pruning, evenly spread from `densify_until` or full size to `prune_until`.
+    pub prune_rounds: u32,
+    /// Step of the last round of pruning (published: 24,000).
+    pub prune_until: u32,
     /// Step from which images have full size and the texture cap is open (published: 15,000).
     pub full_size_from: u32,
     /// Least number of steps between tests for coarsening after `densify_until` (published: 1,000).
@@ -63,13 +62,14 @@ impl Schedule {
         let s = f64::from(config.steps) / PUBLISHED_STEPS;
         let at = |published: f64| ((published * s).round() as u32).max(1);
         let c = &config.density;
-        let density_step = config.policy.spec().step;
-        let is_drawn = config.draws_growth();
-        let (published, low) = density_step.interval(is_drawn, c, config.steps, train_views);
-        let density_interval = at(published.into()).clamp(low, published.max(1));
+        let rule = config.policy.spec().rule;
+        let most = c.interval.max(1);
+        let low = rule.least_interval(config.steps, train_views).min(most);
+        let density_interval = at(c.interval.into()).clamp(low, most);
         // To judge growth takes several windows at full image size.
-        let needs = density_step == DensityStep::Decide && c.need_db > 0.0;
-        let until = if needs { density_step.until(c).max(NEED_UNTIL) } else { density_step.until(c) };
+        let needs = rule == Rule::Litetex && c.need_db > 0.0;
+        let until = c.densify_until.unwrap_or(config.policy.spec().densify_until);
+        let until = if needs { until.max(NEED_UNTIL) } else { until };
         let patience = (f64::from(c.patience_steps) * s / f64::from(density_interval)).round();
         Self {
             sh_interval: at(1_000.0),
@@ -79,37 +79,37 @@ impl Schedule {
             density_interval,
             density_start: at(c.start.into()),
             densify_until: at(until.into()),
-            give_back_rounds: 0,
-            give_back_until: at(f64::from(until) + GIVE_BACK_STEPS).max(at(GIVE_BACK_UNTIL)),
+            prune_rounds: 0,
+            prune_until: at(f64::from(until) + PRUNE_STEPS).max(at(PRUNE_UNTIL)),
             full_size_from: at(config.scheduler.until.into()),
             coarsen_interval: at(1_000.0),
-            crop_interval: if density_interval >= 100 && !is_drawn { density_interval * 2 / 5 } else { 0 },
+            crop_interval: if density_interval >= 100 && matches!(rule, Rule::Paper(_)) { density_interval * 2 / 5 } else { 0 },
             density_end: config.steps.saturating_sub(at(1_000.0)),
             patience: (patience as u16).max(if c.patience_steps == 0 { 1 } else { 2 }),
         }
         .with_rounds(config, train_views)
     }
 
-    /// With the rounds of giving back for which there is time.
+    /// With the rounds of pruning for which there is time.
     fn with_rounds(self, config: &TrainConfig, train_views: usize) -> Self {
-        let gives_back = config.density.give_back_db > 0.0;
         // A density-control step follows the time of the last round.
-        if !gives_back || self.give_back_until + self.density_interval > self.density_end {
+        if config.density.prune_db == 0.0 || self.prune_until + self.density_interval > self.density_end {
             return self;
         }
         let probes = train_views.clamp(1, MOST_PROBES) as u32;
         let affordable = (config.steps / STEPS_PER_PROBE / probes).max(2);
-        Self { give_back_rounds: affordable.min(config.density.give_back_rounds), ..self }
+        Self { prune_rounds: affordable.min(config.density.prune_rounds), ..self }
     }
 
-    /// Bounds of the model after a step: while it grows, it may exceed the user's budget of parameters, which giving back then
+    /// Bounds of the model after a step: while it grows, it may exceed the user's budget of parameters, which pruning then
     /// meets.
     pub fn budget(&self, config: &TrainConfig, step: u32) -> Budget {
         let Budget { max_params, .. } = config.budget;
-        let grows = step < self.give_back_until || self.rounds_left(step) > 0;
-        let overshoot = match grows && self.give_back_rounds > 0 {
-            true => config.policy.spec().step.overshoot(&config.density),
-            false => 1.0,
+        let grows = step < self.prune_until || self.rounds_left(step) > 0;
+        let overshoot = if grows && self.prune_rounds > 0 {
+            config.density.overshoot.unwrap_or(config.policy.spec().overshoot)
+        } else {
+            1.0
         };
         let raised = |most: usize| (most as f64 * overshoot) as usize;
         Budget { max_params: max_params.map(raised), ..config.budget }
@@ -126,22 +126,22 @@ impl Schedule {
         last - last % self.density_interval
     }
 
-    /// The rounds of giving back still to come after a density-control step, with that one; 0 if none follows it.
+    /// The rounds of pruning still to come after a density-control step, with that one; 0 if none follows it.
     pub fn rounds_left(&self, step: u32) -> u32 {
         let [before, done] = [step.saturating_sub(self.density_interval), step].map(|s| self.rounds_done(s));
-        if self.is_density_step(step) && done > before { self.give_back_rounds - done + 1 } else { 0 }
+        if self.is_density_step(step) && done > before { self.prune_rounds - done + 1 } else { 0 }
     }
 
-    /// Rounds of giving back that are due by a step.
+    /// Rounds of pruning that are due by a step.
     fn rounds_done(&self, step: u32) -> u32 {
         let from = self.densify_until.max(self.full_size_from);
-        let length = self.give_back_until.saturating_sub(from);
-        let passed = u64::from(step.saturating_sub(from).min(length)) * u64::from(self.give_back_rounds);
+        let length = self.prune_until.saturating_sub(from);
+        let passed = u64::from(step.saturating_sub(from).min(length)) * u64::from(self.prune_rounds);
         passed.checked_div(length.into()).unwrap_or(0) as u32
     }
 
-    /// Whether a round of giving back came before what follows a step.
-    pub fn has_given_back(&self, step: u32) -> bool {
+    /// Whether a round of pruning came before what follows a step.
+    pub fn has_pruned(&self, step: u32) -> bool {
         self.rounds_done(self.last_density_step(step.saturating_sub(1))) > 0
     }
 
@@ -164,25 +164,20 @@ impl Schedule {
         };
         let mut out = Vec::new();
         let densifying = checks_until(self.densify_until);
-        if densifying == 0
-            && (parts.growth || parts.splitting || config.policy.spec().step == DensityStep::Relocate)
-        {
+        if densifying == 0 && (parts.growth || parts.splitting || config.policy == Policy::Plain) {
             out.push(format!(
                 "growth and splitting: no density-control step (every {} steps) before step {}",
                 self.density_interval, self.densify_until
             ));
         }
-        if config.policy.spec().step == DensityStep::Relocate && config.density.need_db > 0.0 {
-            out.push(format!("growth by need: the policy {} does not measure growth", config.policy));
-        }
         let checks = checks_until(self.density_end);
         if parts.pruning && checks < u32::from(self.patience) {
             out.push(format!("pruning: only {checks} checks, fewer than the patience of {}", self.patience));
         }
-        if config.density.give_back_db > 0.0 && self.give_back_rounds == 0 {
+        if config.density.prune_db > 0.0 && self.prune_rounds == 0 {
             out.push(format!(
-                "giving back: no time for a round between steps {} and {}",
-                self.give_back_until, self.density_end
+                "pruning after growth: no time for a round between steps {} and {}",
+                self.prune_until, self.density_end
             ));
         }
         if config.sh_degree > 0 && self.sh_degree(config.steps, config.sh_degree) < config.sh_degree {
@@ -210,7 +205,7 @@ impl Schedule {
 
     /// Opacity below which splats fade.
     pub fn opacity_floor(&self, config: &TrainConfig, step: u32) -> f64 {
-        let [start, end] = config.density.opacity_floor;
+        let [start, end] = config.density.opacity_floor.unwrap_or(config.policy.spec().opacity_floor);
         start + (end - start) * f64::from(step) / f64::from(config.steps)
     }
 
@@ -254,11 +249,10 @@ impl Schedule {
 #[cfg(test)]
 mod tests {
     use super::super::density::DensityConfig;
-    use super::super::policy::Policy;
     use super::*;
 
     #[test]
-    fn rounds_of_giving_back_follow_density_control_steps_after_growth() {
+    fn rounds_of_pruning_follow_density_control_steps_after_growth() {
         let of = |steps: u32, views| {
             let config = TrainConfig { steps, ..TrainConfig::default() };
             let schedule = Schedule::new(&config, views);
@@ -267,17 +261,17 @@ mod tests {
         };
         assert_eq!(of(30_000, 100), [(21_000, 4), (22_000, 3), (23_000, 2), (24_000, 1)]);
         let schedule = Schedule::new(&TrainConfig::default(), 100);
-        let given_back = [21_000, 21_001, 30_000].map(|step| schedule.has_given_back(step));
-        assert_eq!(given_back, [false, true, true], "maps are fitted before the round of the same step");
+        let has_pruned = [21_000, 21_001, 30_000].map(|step| schedule.has_pruned(step));
+        assert_eq!(has_pruned, [false, true, true], "maps are fitted before the round of the same step");
         // Two rounds where probes of all views cost more than a thirtieth of the steps.
-        assert_eq!(of(1_000, 44), [(748, 2), (836, 1)]);
+        assert_eq!(of(1_000, 44), [(725, 2), (825, 1)]);
         let off = TrainConfig::default();
         let off = TrainConfig {
-            density: super::super::density::DensityConfig { give_back_db: 0.0, ..off.density },
+            density: DensityConfig { prune_db: 0.0, ..off.density },
             ..TrainConfig::default()
         };
         let schedule = Schedule::new(&off, 100);
-        assert!(!schedule.has_given_back(30_000));
+        assert!(!schedule.has_pruned(30_000));
         assert_eq!(of(30, 44), [], "too short");
         assert!((1..=off.steps).all(|step| schedule.rounds_left(step) == 0));
     }
@@ -288,7 +282,7 @@ mod tests {
         let published = Schedule::new(&config, 300);
         assert_eq!(
             (published.sh_interval, published.texture_start, published.density_interval),
-            (1_000, 1_000, 250)
+            (1_000, 1_000, 100)
         );
         assert_eq!([1, 1_000, 1_001, 3_001, 9_000].map(|t| published.sh_degree(t, 3)), [0, 0, 1, 3, 3]);
         let rates = published.rates(&config, 24_001);
@@ -302,33 +296,26 @@ mod tests {
         let random = TrainConfig { random_start: true, ..config.clone() };
         let quicker = published.rates(&random, 1).position / published.rates(&config, 1).position;
         assert!((quicker - 4.0).abs() < 1e-5, "{quicker}");
-        assert_eq!((short.sh_interval, short.texture_start, short.density_interval), (10, 10, 43));
+        assert_eq!((short.sh_interval, short.texture_start, short.density_interval), (10, 10, 25));
         assert_eq!(short.inactive(&shorter), Vec::<String>::new());
         // An epoch of few views does not bring more steps of density control; `plain` keeps its own bound.
-        let interval = |config: &TrainConfig, views| Schedule::new(config, views).density_interval;
-        let of = |policy| TrainConfig { steps: 1_000, policy, ..config.clone() };
-        assert_eq!([3, 35, 43, 300].map(|views| interval(&of(Policy::Litetex), views)), [33, 35, 43, 50]);
-        assert_eq!([3, 300].map(|views| interval(&of(Policy::Plain), views)), [3, 25]);
-        // Growth that is drawn is as frequent as that of `plain`.
-        let budget = Budget { max_params: Some(1_000_000), ..Budget::default() };
-        let drawn = TrainConfig { budget, ..of(Policy::Litetex) };
-        let by_need = DensityConfig { need_db: 0.05, ..DensityConfig::default() };
-        let by_need = TrainConfig { density: by_need, ..drawn.clone() };
-        assert_eq!([&drawn, &by_need].map(|config| interval(config, 43)), [25, 43]);
-        assert_eq!(interval(&drawn, 3), 17);
-        let long = TrainConfig { steps: 30_000, ..drawn };
-        assert_eq!((interval(&long, 43), Schedule::new(&long, 43).crop_interval), (100, 0));
+        let paper = DensityConfig { interval: 250, ..DensityConfig::default() };
+        let of = |policy, density| TrainConfig { steps: 1_000, policy, density, ..config.clone() };
+        let intervals = |config: &TrainConfig| [3, 43, 300].map(|views| Schedule::new(config, views).density_interval);
+        assert_eq!(intervals(&of(Policy::Litetex, DensityConfig::default())), [17, 25, 25]);
+        assert_eq!(intervals(&of(Policy::Plain, DensityConfig::default())), [3, 25, 25]);
+        assert_eq!(intervals(&of(Policy::Paper, paper.clone())), [33, 43, 50]);
+        let long = TrainConfig { steps: 30_000, ..of(Policy::Paper, paper) };
+        let cropping = |config: &TrainConfig| Schedule::new(config, 43).crop_interval;
+        assert_eq!([&config, &long].map(cropping), [0, 100]);
         let tiny = TrainConfig { steps: 60, ..config.clone() };
         let inactive = Schedule::new(&tiny, 43).inactive(&tiny);
         assert!(inactive.len() == 3 && inactive[0].starts_with("growth"), "{inactive:?}");
-        assert!(inactive.iter().any(|what| what.starts_with("giving back")), "{inactive:?}");
-        let plain = TrainConfig { policy: Policy::Plain, ..by_need };
-        let inactive = Schedule::new(&plain, 43).inactive(&plain);
-        assert!(inactive.iter().any(|what| what.starts_with("growth by need")), "{inactive:?}");
-        assert!(short.is_density_step(43) && !short.is_density_step(44));
+        assert!(inactive.iter().any(|what| what.starts_with("pruning after growth")), "{inactive:?}");
+        assert!(short.is_density_step(25) && !short.is_density_step(26));
         assert!(!short.is_density_step(301) && short.density_end == 290);
-        assert_eq!((published.patience, published.crop_interval, published.densify_until), (8, 100, 15_000));
-        assert_eq!((short.patience, short.crop_interval, short.densify_until), (2, 0, 150));
+        assert_eq!((published.patience, published.densify_until), (20, 15_000));
+        assert_eq!((short.patience, short.densify_until), (2, 150));
         assert_eq!(
             [0, 3_500, 7_000, 20_000].map(|t| published.split_texels(&config, t)),
             [64.0, 40.0, 16.0, 16.0]

@@ -3,7 +3,7 @@
 use super::density::{Growth, SplatHistory};
 use super::events::SizeFigures;
 use super::exposure::Exposures;
-use super::give_back::GivenBack;
+use super::prune::Pruned;
 use crate::backend::WindowStatistics;
 use crate::frequency::SplatBudget;
 use crate::model::{AdamState, Model};
@@ -37,9 +37,9 @@ pub struct TrainHistory {
     /// The part of the training time spent on density-control steps.
     #[serde(default)]
     pub density_control_wall_secs: f64,
-    /// The part of that spent on giving back.
+    /// The part of that spent on pruning after growth.
     #[serde(default)]
-    pub give_back_wall_secs: f64,
+    pub prune_wall_secs: f64,
     /// The part of the training time spent on the analysis of the photos' spectra.
     #[serde(default)]
     pub analysis_wall_secs: f64,
@@ -47,9 +47,9 @@ pub struct TrainHistory {
     pub total_wall_secs: f64,
     /// Evaluations so far.
     pub curve: Vec<CurvePoint>,
-    /// Rounds of giving back so far.
+    /// Rounds of pruning so far.
     #[serde(default)]
-    pub given_back: Vec<GivenBack>,
+    pub pruned: Vec<Pruned>,
 }
 
 /// State of a run between two steps. The model and the optimiser are those of the last checkpoint while the
@@ -83,8 +83,10 @@ pub struct TrainState {
     pub exposures: Exposures,
     /// Target number of splats.
     pub pace: SplatBudget,
-    /// What growth was worth.
+    /// How growth has paid so far.
     pub growth: Growth,
+    /// Loss of each view when it was last rendered at the current image size; 0: not yet. Empty before the first step.
+    pub view_losses: Vec<f32>,
     /// Times and evaluations.
     pub history: TrainHistory,
 }
@@ -107,6 +109,7 @@ impl TrainState {
             exposures: Exposures::default(),
             pace: SplatBudget::new(0),
             growth: Growth::default(),
+            view_losses: Vec::new(),
             history: TrainHistory::default(),
         }
     }

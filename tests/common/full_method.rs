@@ -19,7 +19,7 @@ pub fn config(policy: Policy) -> TrainConfig {
     // Some splats are long enough to be split. Others fade, a tenth at the first density-control step and more
     // at each later one, and are replaced by splitting shorter ones whose maps cannot be refined.
     config.density.split_texels = [25.0; 2];
-    config.density.opacity_floor = [0.35, 0.5];
+    config.density.opacity_floor = Some([0.35, 0.5]);
     config.density.quantile = 0.6;
     config.density.patience_steps = 1;
     config
@@ -109,9 +109,8 @@ impl RunRecord {
             respawned: a.respawned + b.respawned,
             refined: a.refined + b.refined,
             coarsened: a.coarsened + b.coarsened,
-            taken_back: a.taken_back + b.taken_back,
-            shaded_less: a.shaded_less + b.shaded_less,
-            shaded_more: a.shaded_more + b.shaded_more,
+            bands_lost: a.bands_lost + b.bands_lost,
+            bands_gained: a.bands_gained + b.bands_gained,
             over_budget: a.over_budget + b.over_budget,
         };
         self.steps.iter().fold(DensityCounts::default(), |sum, (counts, ..)| add(sum, counts))
@@ -120,9 +119,9 @@ impl RunRecord {
 
 /// Whether every kind of change to splats and maps occurred.
 pub fn is_all_done(counts: &DensityCounts) -> bool {
-    let DensityCounts { pruned, faded, split, respawned, refined, coarsened, shaded_less, .. } = *counts;
-    // Nothing is undone without `need_db`, and budgets need not be tight.
-    [pruned + faded, split, respawned, refined, coarsened, shaded_less].iter().all(|&c| c > 0)
+    let DensityCounts { pruned, faded, split, respawned, refined, coarsened, bands_lost, .. } = *counts;
+    // Nothing is taken back without `need_db`, and budgets need not be tight.
+    [pruned + faded, split, respawned, refined, coarsened, bands_lost].iter().all(|&c| c > 0)
 }
 
 /// Whether two states are bit-identical, except for times.

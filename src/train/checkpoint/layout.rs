@@ -10,9 +10,9 @@
 //! | `textures.texels` | f32 `[t,3]` |
 //! | `frame.near`, `frame.filter`, `frame.capture_from_local` | f32 `[1]`, u32 `[1]`: 0 none, 1 ewa; f64 `[4]`: scale, translation |
 //! | `state.counters`, `state.epoch_order` | u32 `[5]`: step, epochs, views used, step of the stage, last step with a revision; u32 `[views]` |
-//! | `state.histories`, `state.pace` | u16 `[n,7]`: map ceiling, prune count, checks, trial, rest, band checks, bands settled; f64 `[2]`: initial splats, momentum |
-//! | `state.errors` | f32 `[n]`: loss that each splat carried at the last check; 0: unknown |
-//! | `state.growth` | f64 `[46]`: splats, their losses before and after, and sums of squares, of those split, refined, given a band, and of those withheld from each; sums of rank correlations by kind; dB promised, and at most, -1 if not judged; idle checks; step of the end |
+//! | `state.histories`, `state.pace` | u16 `[n,5]`: map ceiling, prune count, checks, band checks, bands settled; f64 `[2]`: initial splats, momentum |
+//! | `state.view_losses` | f32 `[views]`: loss of each view when it was last rendered; 0: not at this size |
+//! | `state.growth` | f64 `[4]`: loss and parameters at the end of the window before, 0 if unknown; idle windows; step of the end |
 //! | `exposure.maps`, `exposure.sums` | f32 `[v,3,4]`, f64 `[v,22]`: the sums of the epoch; v = views, or 0 without correction |
 //! | `window.views`, `window.counts`, `window.sums` | u32 `[views]`, u32 `[n + 1]`: views counted, views that saw each; f32 `[3,n]` |
 
@@ -25,7 +25,7 @@ use crate::frequency::SplatBudget;
 use crate::model::{
     AdamState, Filter, LearningRates, Model, SplatArrays, SplatGroup, TextureMap, TexturePool,
 };
-use crate::train::density::{Growth, Outcome, SplatHistory, Trial};
+use crate::train::density::{Growth, SplatHistory};
 use crate::train::{Exposures, TrainHistory, TrainState};
 use glam::DVec3;
 use safetensors::{Dtype, View};
@@ -147,31 +147,16 @@ pub fn tensors(state: &TrainState) -> BTreeMap<String, Tensor<'_>> {
     let TrainState { step, epochs, epoch_used, stage_step, revised_step, .. } = *state;
     let counters = vec![step, epochs, epoch_used, stage_step, revised_step];
     put("state.counters", Tensor::u32(&[5], counters));
-    let histories = state
-        .histories
-        .iter()
-        .flat_map(|l| {
-            [
-                l.ceiling,
-                l.prune_count,
-                l.checks,
-                l.trial.number(),
-                l.rest,
-                l.band_checks,
-                l.bands_settled.into(),
-            ]
-        })
-        .collect();
-    put("state.histories", Tensor::new(&[state.histories.len(), 7], Data::U16(histories)));
-    let errors: Vec<f32> = state.histories.iter().map(|history| history.error).collect();
-    put("state.errors", Tensor::f32(&[errors.len()], errors));
-    let Growth { grown, withheld, ranked, idle_checks, promised_db, ended_step } = state.growth;
-    let outcomes =
-        grown.iter().chain(&withheld).flat_map(|o| [[o.splats, o.before, o.after], o.squares]).flatten();
-    let mut growth: Vec<f64> = outcomes.chain(ranked.into_iter().flatten()).collect();
-    growth.extend(promised_db.unwrap_or([NOT_JUDGED; 2]));
-    growth.extend([idle_checks, ended_step].map(f64::from));
-    put("state.growth", Tensor::new(&[growth.len()], Data::F64(growth)));
+    let fields = |l: &SplatHistory| {
+        [l.ceiling, l.prune_count, l.checks, l.band_checks, l.bands_settled.into()]
+    };
+    let histories = state.histories.iter().flat_map(fields).collect();
+    put("state.histories", Tensor::new(&[state.histories.len(), 5], Data::U16(histories)));
+    put("state.view_losses", Tensor::f32(&[state.view_losses.len()], &state.view_losses));
+    let Growth { before, idle_windows, ended_step } = state.growth;
+    let (loss, params) = before.unwrap_or_default();
+    let growth = vec![loss, params as f64, idle_windows.into(), ended_step.into()];
+    put("state.growth", Tensor::new(&[4], Data::F64(growth)));
     put("state.pace", Tensor::new(&[2], Data::F64(vec![state.pace.initial as f64, state.pace.momentum])));
     let exposures = &state.exposures;
     let numbers: Vec<f32> = exposures.maps.iter().flat_map(|map| map.0).flatten().collect();
@@ -248,6 +233,10 @@ pub fn state(reader: &mut Reader<'_>) -> Result<TrainState> {
         exposures: exposures(reader)?,
         pace: pace(reader)?,
         growth: growth(reader)?,
+        view_losses: {
+            let views = reader.first_dimension("state.view_losses")?;
+            f32s(reader.take("state.view_losses", Dtype::F32, &[views])?)
+        },
         window_views: {
             let views = reader.first_dimension("window.views")?;
             u32s(reader.take("window.views", Dtype::U32, &[views])?)
@@ -265,44 +254,23 @@ fn histories(reader: &mut Reader<'_>, n: usize) -> Result<Vec<SplatHistory>> {
             reader.invalid(format!("tensor \"state.histories\": found {found} histories for {n} splats"))
         );
     }
-    let values = u16s(reader.take("state.histories", Dtype::U16, &[found, 7])?);
-    let errors = f32s(reader.take("state.errors", Dtype::F32, &[found])?);
-    let history = |(v, error): (&[u16], f32)| {
-        let trial = *Trial::ALL.get(usize::from(v[3])).ok_or_else(|| {
-            reader.invalid(format!("tensor \"state.histories\": found trial {}, expected 0 to 8", v[3]))
-        })?;
-        Ok(SplatHistory {
-            ceiling: v[0],
-            prune_count: v[1],
-            checks: v[2],
-            trial,
-            rest: v[4],
-            band_checks: v[5],
-            bands_settled: v[6] != 0,
-            error,
-        })
+    let values = u16s(reader.take("state.histories", Dtype::U16, &[found, 5])?);
+    let history = |v: &[u16]| SplatHistory {
+        ceiling: v[0],
+        prune_count: v[1],
+        checks: v[2],
+        band_checks: v[3],
+        bands_settled: v[4] != 0,
     };
-    values.chunks_exact(7).zip(errors).map(history).collect()
+    Ok(values.chunks_exact(5).map(history).collect())
 }
 
-/// Stands for a promise where growth was not judged.
-const NOT_JUDGED: f64 = -1.0;
-
 fn growth(reader: &mut Reader<'_>) -> Result<Growth> {
-    let values = f64s(reader.take("state.growth", Dtype::F64, &[46])?);
-    let outcome = |at: usize| Outcome {
-        splats: values[at],
-        before: values[at + 1],
-        after: values[at + 2],
-        squares: [3, 4, 5].map(|i| values[at + i]),
-    };
+    let values = f64s(reader.take("state.growth", Dtype::F64, &[4])?);
     Ok(Growth {
-        grown: [0, 6, 12].map(outcome),
-        withheld: [18, 24, 30].map(outcome),
-        ranked: [36, 38, 40].map(|at| [values[at], values[at + 1]]),
-        promised_db: Some([values[42], values[43]]).filter(|&[db, _]| db != NOT_JUDGED),
-        idle_checks: values[44] as u32,
-        ended_step: values[45] as u32,
+        before: Some((values[0], values[1] as usize)).filter(|&(loss, _)| loss > 0.0),
+        idle_windows: values[2] as u32,
+        ended_step: values[3] as u32,
     })
 }
 

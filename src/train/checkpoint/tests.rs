@@ -5,8 +5,8 @@ use crate::backend::WindowStatistics;
 use crate::camera::Similarity;
 use crate::frequency::SplatBudget;
 use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TextureMap, TexturePool};
-use crate::train::GivenBack;
-use crate::train::density::{Growth, Outcome, SplatHistory, Trial};
+use crate::train::Pruned;
+use crate::train::density::{Growth, SplatHistory};
 use crate::train::{CurvePoint, Exposures, SizeFigures, TrainHistory};
 use glam::DVec3;
 use safetensors::Dtype;
@@ -63,11 +63,8 @@ fn sample(n: usize, sh_degree: u32) -> TrainState {
                 ceiling: 2 << (i % 3),
                 prune_count: i,
                 checks: 3 * i,
-                trial: Trial::ALL[usize::from(i % 9)],
-                rest: i % 3,
                 band_checks: 7 * i,
                 bands_settled: i % 3 == 1,
-                error: 0.25 * f32::from(i),
             })
             .collect(),
         window_views: vec![1, 3],
@@ -82,24 +79,8 @@ fn sample(n: usize, sh_degree: u32) -> TrainState {
         revised_step: 6,
         exposures: exposures(),
         pace: SplatBudget { initial: n, momentum: 12.5 },
-        growth: Growth {
-            grown: [0.1, 0.2, 0.3].map(|before| Outcome {
-                splats: 3.0,
-                before,
-                after: before / 2.0,
-                squares: [0.7, 0.8, before],
-            }),
-            withheld: [0.4, 0.5, 0.6].map(|before| Outcome {
-                splats: 4.0,
-                before,
-                after: before / 4.0,
-                squares: [0.9, before, 1.0],
-            }),
-            ranked: [[40.0, 12.0], [0.5, -0.25], [3.0, 1.5]],
-            idle_checks: 1,
-            promised_db: Some([0.08, 0.25]),
-            ended_step: 6,
-        },
+        growth: Growth { before: Some((0.125, 900)), idle_windows: 1, ended_step: 6 },
+        view_losses: vec![0.5, 0.0, 0.25, 0.125],
         history: history(n),
     }
 }
@@ -115,7 +96,7 @@ fn history(n: usize) -> TrainHistory {
     TrainHistory {
         train_wall_secs: 0.25,
         density_control_wall_secs: 0.125,
-        give_back_wall_secs: 0.03125,
+        prune_wall_secs: 0.03125,
         analysis_wall_secs: 0.0625,
         train_cpu_secs: 0.5,
         total_wall_secs: 0.75,
@@ -127,7 +108,7 @@ fn history(n: usize) -> TrainHistory {
             grad_psnr_test: 31.5,
             size: SizeFigures { splats: n, texels: 12, params: 59 * n + 36 },
         }],
-        given_back: vec![GivenBack { step: 4, params: 100, measured_db: 0.5, ..GivenBack::default() }],
+        pruned: vec![Pruned { step: 4, params: 100, measured_db: 0.5, ..Pruned::default() }],
     }
 }
 

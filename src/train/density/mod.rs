@@ -2,43 +2,39 @@
 //! decided on the host from the flushed model and its statistics, so that the decisions do not depend on the backend.
 
 mod bounds;
-mod budget_allocator;
-mod candidate;
-mod coarse;
-mod decide;
 mod draw;
 mod geometry;
-mod growth;
 mod history;
-mod in_vain;
-mod maps;
-mod outcome;
-mod planned_splat;
-mod rank_correlation;
-mod regrid;
-mod relocate;
-mod score;
+mod need;
+mod ops;
+mod plan;
+mod policy;
+mod rule;
 mod settings;
-mod shading;
 mod situation;
 mod sizes;
-mod split;
+mod stats;
 #[cfg(test)]
 mod tests;
 
-pub use coarse::Coarsening;
-pub use decide::decide;
 pub use geometry::{
     TEXELS_MAX, even_texels, first_texel_size, half_extents, morton_codes, opacity, pixel_sizes, sigmas,
 };
-pub use growth::{Growth, KINDS, Kind};
-pub use history::{SplatHistory, Trial};
-pub use outcome::Outcome;
-pub use regrid::{cropped as cropped_map, window as map_window};
-pub use relocate::relocate;
-pub use settings::{
-    Budget, Components, DensityConfig, ErrorMeasure, GrowthMoments, Spending, SplitProfile, Splits,
-    StatisticsSource,
-};
-pub use situation::{DensityCounts, Revision, Situation};
+pub use history::SplatHistory;
+pub use need::Growth;
+pub use ops::coarse::Coarsening;
+pub use rule::SPLIT_RATE;
+pub use ops::regrid::{cropped as cropped_map, window as map_window};
+pub use policy::{FirstMap, Policy, PolicySpec, Rule, policies};
+pub use settings::{Budget, Components, DensityConfig};
+pub use situation::{DensityCounts, Revision, Situation, Timing};
 pub use sizes::MapRule;
+
+/// Decides a density-control step.
+pub fn revise(policy: Policy, s: &Situation<'_>) -> Revision {
+    match policy.spec().rule {
+        Rule::Litetex => rule::litetex::revise(s),
+        Rule::Paper(variant) => rule::paper::revise(s, &variant),
+        Rule::Plain => rule::plain::revise(s),
+    }
+}

@@ -1,8 +1,7 @@
 //! What a density-control step is decided from, and what comes of it.
 
-use super::growth::Growth;
 use super::history::SplatHistory;
-use super::settings::DensityConfig;
+use super::settings::{Budget, Components, DensityConfig};
 use super::sizes::MapRule;
 use crate::backend::{DensityPlan, WindowStatistics};
 use crate::camera::Camera;
@@ -10,6 +9,7 @@ use crate::model::Model;
 use serde::Serialize;
 
 /// What a revision is decided from.
+#[derive(Clone, Copy)]
 pub struct Situation<'a> {
     /// The flushed model.
     pub model: &'a Model,
@@ -19,14 +19,31 @@ pub struct Situation<'a> {
     pub statistics: &'a WindowStatistics,
     /// Cameras of the training views, at full size.
     pub cameras: &'a [Camera],
+    /// The settings.
+    pub settings: &'a DensityConfig,
+    /// The parts of the method that are on.
+    pub components: Components,
+    /// How the sizes of maps are decided.
+    pub map_rule: MapRule,
     /// Full image size divided by the current size in training.
     pub render_scale: f64,
     /// Current largest map side, in texels.
     pub texture_cap: u16,
-    /// Whether images had another size in the window before, so that its errors cannot be compared with those of this one.
-    pub images_resized: bool,
-    /// Whether maps may be refined and splats split.
-    pub densify: bool,
+    /// What the timetable allows.
+    pub timing: Timing,
+    /// Bounds of the model after the step.
+    pub budget: Budget,
+    /// Number of splats at initialisation.
+    pub initial_splats: usize,
+    /// Seed of what is random in the step.
+    pub seed: u64,
+}
+
+/// What the timetable allows in a density-control step.
+#[derive(Clone, Copy, Debug)]
+pub struct Timing {
+    /// Whether splats and maps may grow.
+    pub grows: bool,
     /// Whether the statistics are used. Before the first density-control step and at crop steps they are not:
     /// maps are then only fitted to their support.
     pub use_statistics: bool,
@@ -34,7 +51,7 @@ pub struct Situation<'a> {
     pub texels_trained: bool,
     /// Whether maps are tested for coarsening, and SH bands judged.
     pub may_coarsen: bool,
-    /// Whether maps may be padded and resampled: until a round of giving back has taken off what is not needed.
+    /// Whether maps may be padded and resampled: until a round of pruning has taken off what is not needed.
     pub may_pad: bool,
     /// Highest SH degree that has been trained long enough to be judged; 0: none.
     pub sh_tested: u32,
@@ -42,33 +59,14 @@ pub struct Situation<'a> {
     pub sh_trial_checks: u16,
     /// Highest SH degree that a splat may have.
     pub sh_highest: u32,
-    /// What growth was worth so far.
-    pub growth: Growth,
-    /// Steps done.
-    pub step: u32,
-    /// Seed of what is random in the step.
-    pub seed: u64,
-    /// Whether growth is drawn, and splats of any length are split.
-    pub draws_growth: bool,
-    /// Largest number of splats that may be added, not counting drawn splits.
-    pub max_added: usize,
-    /// Number of splats at initialisation.
-    pub initial_splats: usize,
-    /// Length in finest texels above which a splat is split.
-    pub split_texels: f64,
+    /// Largest number of splats that may be split.
+    pub max_splits: usize,
+    /// Length in finest texels above which a splat may be split; `None`: splats of any length.
+    pub split_texels: Option<f64>,
     /// Prune count that removes a splat.
     pub patience: u16,
     /// Opacity below which splats fade.
     pub opacity_floor: f64,
-    /// How the sizes of maps are decided.
-    pub rule: MapRule,
-}
-
-impl Situation<'_> {
-    /// Whether growth is compared with splats that are withheld: where it is drawn, and with `need_db`.
-    pub fn measures_growth(&self, config: &DensityConfig) -> bool {
-        self.draws_growth || config.need_db > 0.0
-    }
 }
 
 /// What a revision did, in numbers of splats or maps.
@@ -80,19 +78,17 @@ pub struct DensityCounts {
     pub faded: usize,
     /// Splats replaced by two halves.
     pub split: usize,
-    /// Splats split to replace pruned ones (`litetex` with `respawn`; `plain`).
+    /// Splats split to replace pruned ones.
     pub respawned: usize,
-    /// Maps refined to twice the texels per side.
+    /// Maps refined to twice the texels along an axis or both, and first maps.
     pub refined: usize,
     /// Maps coarsened, dropped or made smaller to fit their ceiling or the budget.
     pub coarsened: usize,
-    /// Maps whose refinement was in vain and is taken back.
-    pub taken_back: usize,
-    /// Splats that gave back SH degrees.
-    pub shaded_less: usize,
-    /// Splats that gained an SH degree.
-    pub shaded_more: usize,
-    /// Times that a candidate was not split, or not refined, for lack of budget.
+    /// Splats that lost SH bands.
+    pub bands_lost: usize,
+    /// Splats that gained an SH band.
+    pub bands_gained: usize,
+    /// Offers that were not taken for lack of budget.
     pub over_budget: usize,
 }
 
@@ -104,6 +100,11 @@ pub struct Revision {
     pub histories: Vec<SplatHistory>,
     /// What the plan does.
     pub counts: DensityCounts,
-    /// What growth was worth.
-    pub growth: Growth,
+}
+
+impl Revision {
+    /// The revision that changes nothing.
+    pub fn none(s: &Situation<'_>) -> Self {
+        Self { plan: None, histories: s.histories.to_vec(), counts: DensityCounts::default() }
+    }
 }

@@ -8,9 +8,8 @@ fn maps_follow_their_support_without_moving_a_texel() {
     model.splats.log_scales[6] -= 0.7;
     model.splats.log_scales[7] -= 0.7;
     let histories = vec![SplatHistory::first(64); N];
-    let s = situation(&model, &histories, &statistics, &cameras);
     let config = DensityConfig { coarsen_below: 0.0, ..settings() };
-    let plan = revise(&s, &config, &Budget::default()).plan.unwrap();
+    let plan = litetex::revise(&situation(&model, &histories, &statistics, &cameras, &config)).plan.unwrap();
     for (i, change) in plan.maps.iter().enumerate() {
         let map = &model.textures.maps[i];
         match *change {
@@ -33,18 +32,15 @@ fn only_smooth_maps_are_coarsened() {
     let histories = vec![SplatHistory::first(64); N];
     let smooth = model.textures.maps[4].floats();
     model.textures.texels[smooth].fill(0.01);
-    let s = situation(&model, &histories, &statistics, &cameras);
-    let plan = revise(&s, &settings(), &Budget::default()).plan.unwrap();
+    let config = settings();
+    let s = situation(&model, &histories, &statistics, &cameras, &config);
+    let plan = litetex::revise(&s).plan.unwrap();
     for (i, change) in plan.maps.iter().enumerate() {
         let is_coarser = matches!(change, MapChange::Regrid { grids: [Grid::Coarser, Grid::Coarser], .. });
         assert_eq!(is_coarser, i == 4, "{i}: {change:?}");
     }
-    assert!(
-        !s.model.textures.maps.is_empty() && {
-            let late = Situation { may_coarsen: false, ..s };
-            revise(&late, &settings(), &Budget::default()).plan.is_none()
-        }
-    );
+    let late = Situation { timing: Timing { may_coarsen: false, ..TIMING }, ..s };
+    assert!(litetex::revise(&late).plan.is_none());
 }
 
 #[test]
@@ -60,9 +56,8 @@ fn maps_are_refined_along_the_axis_on_which_they_vary_and_coarsened_along_the_ot
         }
     }
     let grids = |factor: f64| {
-        let s = situation(&model, &histories, &statistics, &cameras);
         let config = DensityConfig { grow_by_axis: factor, min_texel_px: 0.2, ..settings() };
-        let plan = revise(&s, &config, &Budget::default()).plan.unwrap();
+        let plan = litetex::revise(&situation(&model, &histories, &statistics, &cameras, &config)).plan.unwrap();
         [4, 5].map(|splat| match plan.maps[splat] {
             MapChange::Regrid { grids, moment_scale, .. } => (grids, moment_scale),
             _ => ([Grid::Same; 2], [1.0; 2]),
@@ -86,12 +81,12 @@ fn without_statistics_maps_are_only_fitted_to_their_support() {
     let smooth = model.textures.maps[2].floats();
     model.textures.texels[smooth].fill(0.01);
     let histories = vec![SplatHistory::first(64); N];
-    let s = |use_statistics| Situation {
-        patience: 1,
-        use_statistics,
-        ..situation(&model, &histories, &statistics, &cameras)
+    let config = settings();
+    let revise = |use_statistics| {
+        let s = situation(&model, &histories, &statistics, &cameras, &config);
+        litetex::revise(&Situation { timing: Timing { patience: 1, use_statistics, ..TIMING }, ..s })
     };
-    let revision = revise(&s(false), &settings(), &Budget::default());
+    let revision = revise(false);
     let plan = revision.plan.unwrap();
     assert_eq!((plan.sources, plan.edits.len()), ((0..N as u32).collect::<Vec<_>>(), 0));
     assert!(revision.histories == histories && revision.counts == DensityCounts::default());
@@ -113,14 +108,14 @@ fn without_statistics_maps_are_only_fitted_to_their_support() {
         }
     }
     // Negative control: with statistics all of it is done.
-    let counts = revise(&s(true), &settings(), &Budget::default()).counts;
+    let counts = revise(true).counts;
     assert_eq!([counts.faded, counts.pruned, counts.coarsened, counts.refined], [1; 4], "{counts:?}");
 }
 
 #[test]
-fn maps_cropped_by_giving_back_are_not_padded_again() {
+fn maps_cropped_by_pruning_are_not_padded_again() {
     let (mut model, cameras, statistics) = (model(8), [camera()], window([0.3; N]));
-    // One side is gone, as after a round of giving back; splat 4 has widened since, splat 5 has shrunk.
+    // One side is gone, as after a round of pruning; splat 4 has widened since, splat 5 has shrunk.
     for map in &mut model.textures.maps {
         *map = cropped(map, [[3, 0], [0, 0]]).applied_to(map);
     }
@@ -141,14 +136,10 @@ fn maps_cropped_by_giving_back_are_not_padded_again() {
     };
     for use_statistics in [false, true] {
         let fitted = |may_pad: bool| {
-            let s = Situation {
-                densify: false,
-                use_statistics,
-                may_pad,
-                ..situation(&model, &histories, &statistics, &cameras)
-            };
             let config = DensityConfig { coarsen_below: 0.0, ..settings() };
-            revise(&s, &config, &Budget::default())
+            let timing = Timing { grows: false, use_statistics, may_pad, ..TIMING };
+            let s = situation(&model, &histories, &statistics, &cameras, &config);
+            litetex::revise(&Situation { timing, ..s })
                 .plan
                 .map_or_else(|| vec![MapChange::Keep; N], |plan| plan.maps)
         };

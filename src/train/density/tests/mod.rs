@@ -6,15 +6,16 @@ mod growth;
 mod maps;
 mod splats;
 
-use super::decide::decide;
 use super::geometry::{even_texels, first_texel_size, half_extents, opacity, sigmas};
-use super::growth::{Growth, KINDS, Kind};
-use super::history::{SplatHistory, Trial};
-use super::outcome::Outcome;
-use super::regrid::{cropped, surplus};
-use super::settings::{Budget, Components, DensityConfig, Spending, SplitProfile};
-use super::situation::{DensityCounts, Revision, Situation};
+use super::history::SplatHistory;
+use super::ops::map::Moments;
+use super::ops::regrid::{cropped, surplus};
+use super::ops::split::Profile;
+use super::rule::{litetex, paper};
+use super::settings::{Budget, Components, DensityConfig};
+use super::situation::{DensityCounts, Revision, Situation, Timing};
 use super::sizes::MapRule;
+use super::stats::ErrorMeasure;
 use crate::backend::{Grid, MapChange, WindowStatistics};
 use crate::camera::Camera;
 use crate::constants::ALPHA_MIN;
@@ -73,44 +74,51 @@ fn situation<'a>(
     histories: &'a [SplatHistory],
     statistics: &'a WindowStatistics,
     cameras: &'a [Camera],
+    settings: &'a DensityConfig,
 ) -> Situation<'a> {
     Situation {
         model,
         histories,
         statistics,
         cameras,
+        settings,
+        components: Components::default(),
+        map_rule: MapRule::Adaptive,
         render_scale: 1.0,
         texture_cap: 256,
-        densify: true,
-        use_statistics: true,
-        images_resized: false,
-        may_coarsen: true,
-        may_pad: true,
-        sh_tested: 0,
-        sh_trial_checks: 0,
-        sh_highest: 3,
-        texels_trained: true,
-        growth: Growth::default(),
-        step: 1,
-        seed: 0,
-        draws_growth: false,
-        max_added: 100,
+        timing: TIMING,
+        budget: Budget::default(),
         initial_splats: 0,
-        split_texels: 1000.0,
-        patience: 8,
-        opacity_floor: 0.02,
-        rule: MapRule::Adaptive,
+        seed: 0,
     }
+}
+
+const TIMING: Timing = Timing {
+    grows: true,
+    use_statistics: true,
+    texels_trained: true,
+    may_coarsen: true,
+    may_pad: true,
+    sh_tested: 0,
+    sh_trial_checks: 0,
+    sh_highest: 3,
+    max_splits: 100,
+    split_texels: Some(1000.0),
+    patience: 8,
+    opacity_floor: 0.02,
+};
+
+/// The published rule.
+fn revise_as_paper(s: &Situation<'_>) -> Revision {
+    let variant =
+        paper::Variant { error: ErrorMeasure::Mean, moments: Moments::Kept, first_ceiling: 2 };
+    paper::revise(s, &variant)
 }
 
 /// Size of the model after a revision.
 fn size_after(model: &Model, revision: &Revision) -> ModelSize {
     // No plan: nothing was possible.
     revision.plan.as_ref().map_or_else(|| model.size(), |plan| plan.size_after(model))
-}
-
-fn revise(s: &Situation<'_>, config: &DensityConfig, budget: &Budget) -> Revision {
-    decide(s, config, &Components::default(), budget)
 }
 
 /// A window in which splat 5 has a much larger error than the others.

@@ -5,7 +5,7 @@ use super::*;
 #[test]
 fn splats_are_pruned_after_consecutive_useless_checks_and_unseen_ones_are_kept() {
     let (model, cameras) = (model(2), [camera()]);
-    let mut histories = vec![SplatHistory::first(2); N];
+    let (mut histories, config) = (vec![SplatHistory::first(2); N], settings());
     // Splat 0 is always useless, 1 is useful once, 2 is never seen, 3 is unseen once.
     for check in 0..5 {
         let mut statistics = window([0.3; N]);
@@ -16,8 +16,8 @@ fn splats_are_pruned_after_consecutive_useless_checks_and_unseen_ones_are_kept()
             }
             statistics.seen[i] = u32::from(!(i == 2 || i == 3 && check == 1));
         }
-        let s = Situation { patience: 4, ..situation(&model, &histories, &statistics, &cameras) };
-        let revision = revise(&s, &settings(), &Budget::default());
+        let s = situation(&model, &histories, &statistics, &cameras, &config);
+        let revision = litetex::revise(&Situation { timing: Timing { patience: 4, ..TIMING }, ..s });
         let removed = |i: u32| revision.plan.as_ref().is_some_and(|p| !p.sources.contains(&i));
         assert_eq!([0, 1, 2].map(removed), [check >= 3, false, false], "check {check}");
         if check == 3 {
@@ -38,23 +38,16 @@ fn splats_are_pruned_after_consecutive_useless_checks_and_unseen_ones_are_kept()
 fn halves_lie_on_the_parents_grid() {
     let (model, cameras, statistics) = (model(16), [camera()], one_high_error());
     let histories = vec![SplatHistory::first(64); N];
-    let s = Situation { split_texels: 16.0, ..situation(&model, &histories, &statistics, &cameras) };
-    let config = DensityConfig {
-        coarsen_below: 0.0,
-        spending: Spending::SplitsFirst,
-        // The tight profile shifts by less than the grid allows on this map and would resample.
-        split_profile: SplitProfile::Paper,
-        ..settings()
-    };
-    // Texels are preferred and the map can still be refined.
-    let patient = DensityConfig { spending: Spending::Gain, texel_gain: 1e3, ..config.clone() };
-    assert_eq!(revise(&s, &patient, &Budget::default()).counts.split, 0);
-    let coarse = DensityConfig { min_texel_px: 4.0, ..patient };
-    let long = Situation { split_texels: 8.0, ..situation(&model, &histories, &statistics, &cameras) };
-    let by_gain = revise(&long, &coarse, &Budget::default());
-    assert_eq!(by_gain.counts.split, 1, "the map cannot be refined");
+    let config = DensityConfig { coarsen_below: 0.0, ..settings() };
+    let s = situation(&model, &histories, &statistics, &cameras, &config);
+    let long = |texels| Timing { split_texels: Some(texels), ..TIMING };
+    // Of both, what removes more error per parameter: here the split.
+    let by_gain = litetex::revise(&Situation { timing: long(8.0), ..s });
+    assert_eq!((by_gain.counts.split, by_gain.counts.refined), (1, 0));
     assert!(by_gain.histories.iter().all(|history| history.ceiling == 64));
-    let revision = revise(&s, &config, &Budget::default());
+    assert_eq!(litetex::revise(&s).counts.split, 0, "it is not long");
+    // The tight profile shifts by less than the grid allows on this map and would resample.
+    let revision = revise_as_paper(&Situation { timing: long(16.0), ..s });
     let plan = revision.plan.unwrap();
     assert_eq!((plan.sources.len(), plan.edits.len(), revision.counts.split), (N + 1, 2, 1));
     let parent = &model.textures.maps[5];
@@ -86,16 +79,16 @@ fn halves_lie_on_the_parents_grid() {
 
 #[test]
 fn fresh_halves_survive_two_checks() {
-    let (model, cameras) = (model(2), [camera()]);
+    let (model, cameras, config) = (model(2), [camera()], settings());
     // The first three splats are `checks` old; a prune count of one removes.
     let survivors = |model: &Model, statistics: &WindowStatistics, checks: u16| {
         let young = |i: usize| {
             if i < 3 { SplatHistory { checks, ..SplatHistory::first(2) } } else { SplatHistory::first(2) }
         };
         let histories: Vec<SplatHistory> = (0..N).map(young).collect();
-        let s =
-            Situation { patience: 1, densify: false, ..situation(model, &histories, statistics, &cameras) };
-        let Revision { plan, histories, .. } = revise(&s, &settings(), &Budget::default());
+        let s = situation(model, &histories, statistics, &cameras, &config);
+        let timing = Timing { patience: 1, grows: false, ..TIMING };
+        let Revision { plan, histories, .. } = revise_as_paper(&Situation { timing, ..s });
         let mut left: Vec<(u32, u16)> = plan
             .unwrap()
             .sources
@@ -131,14 +124,11 @@ fn pruned_splats_are_respawned_where_the_error_is() {
     let errors = std::array::from_fn(|i| 0.1 + 0.05 * i as f32);
     // All maps are at their ceilings, so that only splits are possible.
     let (statistics, histories) = (window(errors), vec![SplatHistory::first(2); N]);
-    let revised = |initial_splats: usize, respawn: bool, budget: &Budget| {
-        let s = Situation {
-            initial_splats,
-            texture_cap: 2,
-            ..situation(&model, &histories, &statistics, &cameras)
-        };
-        let config = DensityConfig { quantile: 0.1, respawn, ..settings() };
-        let Revision { plan, counts, .. } = revise(&s, &config, budget);
+    let config = DensityConfig { quantile: 0.1, ..settings() };
+    let revised = |initial_splats: usize, is_paper: bool, budget: Budget| {
+        let s = situation(&model, &histories, &statistics, &cameras, &config);
+        let s = Situation { initial_splats, texture_cap: 2, budget, ..s };
+        let Revision { plan, counts, .. } = if is_paper { revise_as_paper(&s) } else { litetex::revise(&s) };
         let plan = plan.unwrap();
         let mut split: Vec<u32> = plan.edits.iter().map(|e| plan.sources[e.splat as usize]).collect();
         split.sort_unstable();
@@ -147,7 +137,7 @@ fn pruned_splats_are_respawned_where_the_error_is() {
             let parent = plan.sources[edit.splat as usize] as usize;
             let old = &model.splats.log_scales[2 * parent..2 * parent + 2];
             let narrower = [0, 1].map(|a| (old[a] - edit.log_scales[a]).exp());
-            let [_, factor, _] = config.split_profile.factors();
+            let [_, factor, _] = Profile::Tight.factors();
             let halved = narrower.map(|n| (f64::from(n) * factor - 1.0).abs() < 1e-5);
             assert!(halved[0] != halved[1], "{narrower:?} times narrower than the parent");
         }
@@ -155,13 +145,13 @@ fn pruned_splats_are_respawned_where_the_error_is() {
     };
     let none = Budget::default();
     assert_eq!(
-        revised(N, true, &none),
+        revised(N, false, none),
         (N, 3, 3, 0, vec![9, 10, 11]),
         "the three of largest error are split"
     );
-    assert_eq!(revised(N - 2, true, &none), (N - 2, 3, 1, 0, vec![11]), "no more than initially");
+    assert_eq!(revised(N - 2, false, none), (N - 2, 3, 1, 0, vec![11]), "no more than initially");
     let tight = Budget { max_splats: Some(N - 1), ..none };
-    assert_eq!(revised(N, true, &tight).0, N - 1, "a budget comes first");
+    assert_eq!(revised(N, false, tight).0, N - 1, "a budget comes first");
     // Negative control: the published method.
-    assert_eq!(revised(N, false, &none), (N - 3, 3, 0, 0, vec![]));
+    assert_eq!(revised(N, true, none), (N - 3, 3, 0, 0, vec![]));
 }

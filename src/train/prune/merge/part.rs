@@ -3,8 +3,8 @@
 use crate::constants::SH_0;
 use crate::model::{Model, TextureMap, texel_value};
 use crate::train::density::{opacity, sigmas};
-use crate::train::give_back::costs::SplatCosts;
-use crate::train::give_back::offers::params_of;
+use crate::train::prune::costs::SplatCosts;
+use crate::train::prune::offers::params_of;
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
 /// A splat, or several that have become one.

@@ -2,15 +2,14 @@
 //! those of high-error splats (method 6.4, 6.5 and 6.7). Texels keep their place on the surfel throughout.
 
 use super::coarse::{Coarsening, coarsening_error, detail, residual};
-use super::geometry::{even_texels, first_texel_size};
-use super::planned_splat::{PlannedSplat, size_of, with, without};
 use super::regrid::{centred, cropped, merged_moments, surplus};
-use super::score::Scores;
-use super::settings::{Budget, Components, DensityConfig};
-use super::situation::{DensityCounts, Situation};
-use super::sizes::MapRule;
 use crate::backend::{Grid, MapChange};
 use crate::model::TextureMap;
+use crate::train::density::geometry::{even_texels, first_texel_size};
+use crate::train::density::plan::{PlannedSplat, size_of, with, without};
+use crate::train::density::situation::{DensityCounts, Situation};
+use crate::train::density::sizes::MapRule;
+use crate::train::density::stats::Scores;
 
 /// Maps of `fixed:R` whose texel size is off by less than this factor are kept, since resampling blurs.
 const TOLERATED: f64 = 1.1;
@@ -20,93 +19,97 @@ fn texel_sizes_on(map: &TextureMap, grids: [Grid; 2]) -> [f64; 2] {
     [0, 1].map(|axis| f64::from(map.texel_sizes[axis]) * f64::from(grids[axis].texel_ratio()))
 }
 
+/// What happens to the moments of a refined map (method 6.7).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Moments {
+    /// Scaled as the gradients are: for quarters of a texel, first moments by 1/4, second by 1/16.
+    Scaled,
+    /// Kept unscaled (paper).
+    Kept,
+    /// Set to zero: an accidental warm restart (authors' code).
+    Zero,
+}
+
+impl Moments {
+    /// Factors of the first and second moments of texels that are halved along this many axes.
+    fn scale(self, axes: usize) -> [f32; 2] {
+        let area = 0.5_f32.powi(axes as i32);
+        match self {
+            Self::Scaled => [area, area * area],
+            Self::Kept => [1.0, 1.0],
+            Self::Zero => [0.0, 0.0],
+        }
+    }
+}
+
 fn set(planned: &mut PlannedSplat, change: MapChange, [rows, cols]: [u32; 2]) {
     planned.change = change;
     planned.texels = (rows * cols) as usize;
 }
 
-/// Fits a map to its support, and coarsens or drops it if `may_coarsen` and its image hardly changes. Where maps may not be
-/// padded, they keep no more than what they hold.
+/// Fits a map to its support, and coarsens it if `may_coarsen` and its image hardly changes. A map that is idle, or whose support
+/// is below the finest texel, is dropped where that `may_drop` it. Where maps may not be padded, they keep no more than what they
+/// hold.
 pub fn fit(
     s: &Situation<'_>,
-    config: &DensityConfig,
-    components: &Components,
     may_coarsen: bool,
+    may_drop: bool,
     planned: &mut PlannedSplat,
     counts: &mut DensityCounts,
 ) {
     let map = &s.model.textures.maps[planned.source as usize];
     planned.texels = map.num_texels();
-    match s.rule {
-        MapRule::None => {}
-        MapRule::Fixed(resolution) => refit_fixed(map, resolution, planned),
+    match s.map_rule {
+        MapRule::None => return,
+        MapRule::Fixed(resolution) => return refit_fixed(map, resolution, planned),
         // A splat without support keeps its map, for the support may come back.
-        MapRule::Adaptive if !planned.sizes.has_support() || map.rows == 0 => {}
-        MapRule::Adaptive => {
-            let sizes = planned.sizes;
-            let extent = 2.0 * sizes.extents[0].max(sizes.extents[1]);
-            let is_idle = || {
-                s.texels_trained
-                    && components.coarsening
-                    && map.rows.max(map.cols) == 2
-                    && residual(s.model, planned.source as usize) < config.coarsen_below
-            };
-            if config.untextured && may_coarsen && s.use_statistics && (extent < sizes.finest || is_idle()) {
-                set(planned, centred(map, [Grid::Same; 2], [0, 0], [1.0; 2]), [0, 0]);
-                counts.coarsened += 1;
-                return;
-            }
-            let needed = sizes.texels(map.texel_sizes.map(f64::from));
-            if s.may_pad && !sizes.fits(needed, planned.history.ceiling) {
-                counts.coarsened += 1;
-                stretch(map, planned);
-                return;
-            }
-            let grids = if may_coarsen && s.use_statistics && components.coarsening {
-                coarser_grids(s, config, planned.source as usize)
-            } else {
-                [Grid::Same; 2]
-            };
-            counts.coarsened += usize::from(grids.contains(&Grid::Coarser));
-            if !s.may_pad {
-                let coarser = Coarsening::new(map, grids.map(|grid| grid == Grid::Coarser));
-                planned.change = match coarser {
-                    Some(coarser) if grids.contains(&Grid::Coarser) => coarser.change(map),
-                    _ => cropped(map, surplus(map, needed)),
-                };
-                planned.texels = planned.change.applied_to(map).num_texels();
-                return;
-            }
-            let needed = sizes.texels(texel_sizes_on(map, grids));
-            set(planned, centred(map, grids, needed, merged_moments(grids)), needed);
-        }
+        MapRule::Adaptive if !planned.sizes.has_support() || map.rows == 0 => return,
+        MapRule::Adaptive => {}
     }
-}
-
-/// Takes back a refinement along these axes that was in vain (method 6.14): averages texels in pairs, or drops a first map.
-pub fn take_back(s: &Situation<'_>, axes: [bool; 2], planned: &mut PlannedSplat, counts: &mut DensityCounts) {
-    let map = &s.model.textures.maps[planned.source as usize];
-    let change = if map.rows.max(map.cols) == 2 {
-        centred(map, [Grid::Same; 2], [0, 0], [1.0; 2])
-    } else {
-        match Coarsening::new(map, axes) {
-            Some(coarser) => coarser.change(map),
-            None => return,
-        }
+    let (sizes, coarsens) = (planned.sizes, s.components.coarsening);
+    let extent = 2.0 * sizes.extents[0].max(sizes.extents[1]);
+    let is_idle = || {
+        s.timing.texels_trained
+            && coarsens
+            && map.rows.max(map.cols) == 2
+            && residual(s.model, planned.source as usize) < s.settings.coarsen_below
     };
-    let texels = change.applied_to(map).num_texels();
-    if texels < planned.texels {
-        (planned.change, planned.texels) = (change, texels);
-        counts.taken_back += 1;
+    if may_drop && may_coarsen && (extent < sizes.finest || is_idle()) {
+        set(planned, centred(map, [Grid::Same; 2], [0, 0], [1.0; 2]), [0, 0]);
+        counts.coarsened += 1;
+        return;
     }
+    let needed = sizes.texels(map.texel_sizes.map(f64::from));
+    if s.timing.may_pad && !sizes.fits(needed, planned.history.ceiling) {
+        counts.coarsened += 1;
+        stretch(map, planned);
+        return;
+    }
+    let grids = if may_coarsen && coarsens {
+        coarser_grids(s, planned.source as usize)
+    } else {
+        [Grid::Same; 2]
+    };
+    let is_coarser = grids.map(|grid| grid == Grid::Coarser);
+    counts.coarsened += usize::from(is_coarser.contains(&true));
+    if s.timing.may_pad {
+        let needed = sizes.texels(texel_sizes_on(map, grids));
+        set(planned, centred(map, grids, needed, merged_moments(grids)), needed);
+        return;
+    }
+    planned.change = match Coarsening::new(map, is_coarser) {
+        Some(coarser) if is_coarser.contains(&true) => coarser.change(map),
+        _ => cropped(map, surplus(map, needed)),
+    };
+    planned.texels = planned.change.applied_to(map).num_texels();
 }
 
 /// The axes along which a map loses little by half as many texels.
-fn coarser_grids(s: &Situation<'_>, config: &DensityConfig, splat: usize) -> [Grid; 2] {
+fn coarser_grids(s: &Situation<'_>, splat: usize) -> [Grid; 2] {
     let map = &s.model.textures.maps[splat];
     let both = [Grid::Coarser; 2];
     let one_axis = [[Grid::Coarser, Grid::Same], [Grid::Same, Grid::Coarser]];
-    let choices = if config.grow_by_axis > 0.0 { [both, one_axis[0], one_axis[1]] } else { [both; 3] };
+    let choices = if s.settings.grow_by_axis > 0.0 { [both, one_axis[0], one_axis[1]] } else { [both; 3] };
     let may = |grids: &[Grid; 2]| {
         let longer = |(grid, texels): (&Grid, u16)| *grid == Grid::Same || texels > 2;
         // A map of 2 x 2 is dropped or kept as it is.
@@ -114,7 +117,7 @@ fn coarser_grids(s: &Situation<'_>, config: &DensityConfig, splat: usize) -> [Gr
             && map.rows.max(map.cols) > 2
             && (*grids == both || grids.iter().zip([map.rows, map.cols]).all(longer))
             && coarsening_error(s.model, splat, grids.map(|grid| grid == Grid::Coarser))
-                < config.coarsen_below
+                < s.settings.coarsen_below
     };
     choices.into_iter().find(may).unwrap_or([Grid::Same; 2])
 }
@@ -148,19 +151,14 @@ fn resampled([rows, cols]: [u32; 2], texel_sizes: [f64; 2]) -> MapChange {
 
 /// A candidate with its ceiling raised and, if its bounds allow it, its map refined; `None` without adaptive maps
 /// or support.
-pub fn refined(
-    s: &Situation<'_>,
-    config: &DensityConfig,
-    components: &Components,
-    planned: &PlannedSplat,
-) -> Option<PlannedSplat> {
-    if s.rule != MapRule::Adaptive || !planned.sizes.has_support() {
+pub fn refined(s: &Situation<'_>, moments: Moments, planned: &PlannedSplat) -> Option<PlannedSplat> {
+    if s.map_rule != MapRule::Adaptive || !planned.sizes.has_support() {
         return None;
     }
     let map = &s.model.textures.maps[planned.source as usize];
     let mut refined = *planned;
     let sizes = planned.sizes;
-    if components.growth {
+    if s.components.growth {
         refined.history.ceiling =
             planned.history.ceiling.saturating_mul(2).min(sizes.cap).max(planned.history.ceiling);
     }
@@ -176,24 +174,24 @@ pub fn refined(
         let fine_enough = (0..2).all(|axis| grids[axis] == Grid::Same || texel_sizes[axis] >= sizes.finest);
         fine_enough && sizes.fits(sizes.texels(texel_sizes), refined.history.ceiling)
     };
-    if let Some(grids) = finer_grids(s, config, planned.source as usize).into_iter().find(fits) {
+    if let Some(grids) = finer_grids(s, planned.source as usize).into_iter().find(fits) {
         let needed = sizes.texels(texel_sizes_on(map, grids));
         let halved = grids.iter().filter(|&&grid| grid == Grid::Finer).count();
-        set(&mut refined, centred(map, grids, needed, config.growth_moments.scale(halved)), needed);
+        set(&mut refined, centred(map, grids, needed, moments.scale(halved)), needed);
     }
     Some(refined)
 }
 
 /// How a map may be refined, the best first: along both axes, or only along the one on which it varies much more.
-fn finer_grids(s: &Situation<'_>, config: &DensityConfig, splat: usize) -> Vec<[Grid; 2]> {
+fn finer_grids(s: &Situation<'_>, splat: usize) -> Vec<[Grid; 2]> {
     let [along_u, along_v] = detail(s.model, splat);
-    let dominates = |a: f64, b: f64| config.grow_by_axis > 0.0 && a > config.grow_by_axis * b;
+    let dominates = |a: f64, b: f64| s.settings.grow_by_axis > 0.0 && a > s.settings.grow_by_axis * b;
     let (both, u, v) = ([Grid::Finer; 2], [Grid::Finer, Grid::Same], [Grid::Same, Grid::Finer]);
     if dominates(along_u, along_v) {
         vec![u]
     } else if dominates(along_v, along_u) {
         vec![v]
-    } else if config.grow_by_axis > 0.0 {
+    } else if s.settings.grow_by_axis > 0.0 {
         // Where both do not fit, the axis that varies more.
         vec![both, if along_u > along_v { u } else { v }, if along_u > along_v { v } else { u }]
     } else {
@@ -204,13 +202,12 @@ fn finer_grids(s: &Situation<'_>, config: &DensityConfig, splat: usize) -> Vec<[
 /// Makes maps smaller, those of the least error first, until the model is within its budget.
 pub fn coarsen_to_budget(
     s: &Situation<'_>,
-    budget: &Budget,
     scores: &Scores,
     planned_splats: &mut [Option<PlannedSplat>],
     counts: &mut DensityCounts,
 ) {
     let mut size = size_of(planned_splats.iter().flatten());
-    if budget.allows(&size) || s.rule != MapRule::Adaptive {
+    if s.budget.allows(&size) || s.map_rule != MapRule::Adaptive {
         return;
     }
     let mut order: Vec<usize> = (0..planned_splats.len()).filter(|&i| planned_splats[i].is_some()).collect();
@@ -218,7 +215,7 @@ pub fn coarsen_to_budget(
     // Half the side, then a quarter and so on: padding may have added more than one halving removes.
     for halvings in 1..u16::BITS {
         for &i in &order {
-            if budget.allows(&size) {
+            if s.budget.allows(&size) {
                 return;
             }
             let Some(planned) = &mut planned_splats[i] else { continue };

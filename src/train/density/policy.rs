@@ -1,6 +1,10 @@
 //! Policies: how splats and texels are allocated. What the rest of the program asks of one is in its [`PolicySpec`].
 
-use super::density::{DensityConfig, MapRule, first_texel_size};
+use super::geometry::{TEXELS_MAX, first_texel_size};
+use super::ops::map::Moments;
+use super::rule::paper::Variant;
+use super::sizes::MapRule;
+use super::stats::ErrorMeasure;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
@@ -9,17 +13,21 @@ use std::str::FromStr;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub enum Policy {
-    /// High-error splats are refined or split (LiteTex-GS).
+    /// Splits, finer maps and SH bands compete by the error that they are expected to remove per parameter.
     Litetex,
-    /// Content-aware texturing, the ancestor: as `litetex`, without scheduler, ceilings, pruning by
-    /// contribution and resolution-aware rates. Part of the profile of that name.
-    Cat,
     /// R x R texels for every splat; splats as with `litetex`.
     Fixed(u16),
-    /// 2DGS-MCMC: no textures, splats are relocated and added by error (method 6.12).
-    Plain,
     /// No textures; splats as with `litetex`.
     None,
+    /// 2DGS-MCMC: no textures, splats are relocated and added by error (method 6.12).
+    Plain,
+    /// The published rule: high-error splats are split if they are long, else refined. Part of the profile of that name.
+    Paper,
+    /// The same as in the program behind the published tables. Part of the profile of that name.
+    Authors,
+    /// Content-aware texturing, the ancestor: as `paper`, without scheduler, ceilings, pruning by
+    /// contribution and resolution-aware rates. Part of the profile of that name.
+    Cat,
 }
 
 /// What a policy decides.
@@ -33,9 +41,15 @@ pub struct PolicySpec {
     pub map_rule: MapRule,
     /// The initial maps.
     pub first_map: FirstMap,
-    /// What a density-control step does.
-    pub step: DensityStep,
-    /// [Components](super::density::Components) that the policy does not have, by name.
+    /// The rule of its density-control steps.
+    pub rule: Rule,
+    /// Last step of the published timetable after which the model grows.
+    pub densify_until: u32,
+    /// How far growth may exceed a budget of parameters, as a factor.
+    pub overshoot: f64,
+    /// Opacity below which splats fade, or are relocated: at step 0 and at the last.
+    pub opacity_floor: [f64; 2],
+    /// [Components](super::Components) that the policy does not have, by name.
     pub without: &'static [&'static str],
 }
 
@@ -70,83 +84,71 @@ impl FirstMap {
     }
 }
 
-/// What a density-control step does.
+/// The rule by which density-control steps are decided.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum DensityStep {
-    /// Prunes, refines, coarsens, splits.
-    Decide,
-    /// Relocates splats and adds some, up to the budget.
-    Relocate,
+pub enum Rule {
+    /// Growth by error per parameter.
+    Litetex,
+    /// Growth as published.
+    Paper(Variant),
+    /// Relocation and growth by splits.
+    Plain,
 }
 
-/// Fewest steps between steps that decide, but at most a thirtieth of the run: an epoch of fewer views would let maps grow
-/// more often (measured: choices 13). Where growth is drawn, half as many.
+/// Fewest steps between density-control steps, but at most a thirtieth of the run: an epoch of fewer views would let maps grow
+/// more often (method 6.1).
 const FEWEST_STEPS: u32 = 35;
 
-impl DensityStep {
-    /// The published interval, and the lower bound to which a run of `steps` shortens it: an epoch, within bounds. Growth that
-    /// `is_drawn` is as frequent as that of `plain`, except with few views.
-    pub fn interval(
-        self,
-        is_drawn: bool,
-        config: &DensityConfig,
-        steps: u32,
-        train_views: usize,
-    ) -> (u32, u32) {
+impl Rule {
+    /// Least steps between density-control steps of a run of `steps`: an epoch, within bounds.
+    pub fn least_interval(self, steps: u32, train_views: usize) -> u32 {
         let fewest = (steps / 30).clamp(1, FEWEST_STEPS);
-        let (published, fewest, most) = match self {
-            Self::Decide if is_drawn => (config.relocate_interval, fewest.div_ceil(2), 25),
-            Self::Decide => (config.interval, fewest, 50),
-            Self::Relocate => (config.relocate_interval, 1, 25),
+        let (fewest, most) = match self {
+            Self::Litetex => (fewest.div_ceil(2), 25),
+            Self::Paper(_) => (fewest, 50),
+            Self::Plain => (1, 25),
         };
-        (published, (train_views as u32).clamp(fewest, most).min(published.max(1)))
-    }
-
-    /// Last step of the published timetable after which splats are added.
-    pub fn until(self, config: &DensityConfig) -> u32 {
-        match self {
-            Self::Decide => config.densify_until,
-            Self::Relocate => config.relocate_until,
-        }
-    }
-
-    /// How far growth may exceed a budget of parameters, as a factor.
-    pub fn overshoot(self, config: &DensityConfig) -> f64 {
-        match self {
-            Self::Decide => config.overshoot,
-            Self::Relocate => config.relocate_overshoot,
-        }
+        (train_views as u32).clamp(fewest, most)
     }
 }
 
 impl Policy {
     /// Every policy; one with a parameter stands for all its values.
-    const ALL: [Self; 5] = [Self::Litetex, Self::Fixed(2), Self::Plain, Self::None, Self::Cat];
+    const ALL: [Self; 7] =
+        [Self::Litetex, Self::Fixed(2), Self::Plain, Self::None, Self::Paper, Self::Authors, Self::Cat];
 
     /// What the policy decides.
     pub fn spec(self) -> PolicySpec {
         let litetex = PolicySpec {
             name: "litetex",
-            help: Some("high-error splats are refined or split"),
+            help: Some("splits, finer maps and SH bands compete by error removed per parameter"),
             map_rule: MapRule::Adaptive,
             first_map: FirstMap::Covering,
-            step: DensityStep::Decide,
+            rule: Rule::Litetex,
+            // Authors' configuration (method 6.1).
+            densify_until: 15_000,
+            // Method 6.15.
+            overshoot: 4.0,
+            // Authors' code (method 6.3).
+            opacity_floor: [0.015, 0.04],
             without: &[],
         };
+        let paper = Variant { error: ErrorMeasure::Mean, moments: Moments::Kept, first_ceiling: 2 };
+        let authors = Variant { error: ErrorMeasure::Mass, moments: Moments::Zero, first_ceiling: 32 };
         match self {
             Self::Litetex => litetex,
-            Self::Cat => PolicySpec {
-                name: "cat",
-                help: None,
-                first_map: FirstMap::Spanning(8),
-                without: &["scheduler", "pruning", "growth", "update-rule"],
-                ..litetex
-            },
             Self::Fixed(side) => PolicySpec {
                 name: FIXED,
                 help: Some("R x R texels for each splat, R from 2 to 256"),
                 map_rule: MapRule::Fixed(side),
                 first_map: FirstMap::Spanning(side),
+                ..litetex
+            },
+            Self::None => PolicySpec {
+                name: "none",
+                help: Some("no textures, splats as with litetex"),
+                map_rule: MapRule::None,
+                first_map: FirstMap::None,
                 ..litetex
             },
             Self::Plain => PolicySpec {
@@ -156,16 +158,37 @@ impl Policy {
                 ),
                 map_rule: MapRule::None,
                 first_map: FirstMap::None,
-                step: DensityStep::Relocate,
+                rule: Rule::Plain,
+                // Method 6.12; 3DGS-MCMC: 25,000.
+                densify_until: 20_000,
+                overshoot: 2.5,
+                // 3DGS-MCMC; not measured.
+                opacity_floor: [0.005; 2],
                 without: &["splitting", "growth", "pruning"],
             },
-            Self::None => PolicySpec {
-                name: "none",
-                help: Some("no textures, splats as with litetex"),
-                map_rule: MapRule::None,
-                first_map: FirstMap::None,
+            Self::Paper => PolicySpec { name: "paper", help: None, rule: Rule::Paper(paper), ..litetex },
+            Self::Authors => {
+                PolicySpec { name: "authors", help: None, rule: Rule::Paper(authors), ..litetex }
+            }
+            Self::Cat => PolicySpec {
+                name: "cat",
+                help: None,
+                first_map: FirstMap::Spanning(8),
+                rule: Rule::Paper(authors),
+                densify_until: 25_000,
+                opacity_floor: [1.0 / 255.0; 2],
+                without: &["scheduler", "pruning", "growth", "update-rule"],
                 ..litetex
             },
+        }
+    }
+
+    /// Initial map ceiling, texels per side. Default 2 (paper, Adaptive Per-Gaussian Texture Optimization; method 6.7).
+    pub fn first_ceiling(self, has_ceilings: bool) -> u16 {
+        match self.spec().rule {
+            _ if !has_ceilings => TEXELS_MAX,
+            Rule::Paper(variant) => variant.first_ceiling,
+            Rule::Litetex | Rule::Plain => 2,
         }
     }
 
@@ -236,7 +259,7 @@ impl From<Policy> for String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::density::Components;
+    use super::super::Components;
     use super::*;
 
     #[test]

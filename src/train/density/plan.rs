@@ -1,7 +1,9 @@
-//! Planned splats, and the plan made of them.
+//! Planned splats, the bookkeeping of a revision's budget and limits, and the plan made of them.
 
 use super::geometry::morton_codes;
 use super::history::SplatHistory;
+use super::settings::Budget;
+use super::situation::{DensityCounts, Revision};
 use super::sizes::Sizes;
 use crate::backend::{DensityPlan, MapChange, SplatEdit};
 use crate::constants::sh_coefficients;
@@ -41,9 +43,10 @@ impl PlannedSplat {
     }
 }
 
-/// Parameters that halves add to the splat that they replace. They may need fewer texels than the whole, but are one splat more.
-pub fn split_cost(whole: &PlannedSplat, [first, second]: &[PlannedSplat; 2]) -> f64 {
-    (first.params() as f64 + second.params() as f64 - whole.params() as f64).max(1.0)
+/// Parameters that these add to the splat that they replace, at least 1: halves may need fewer texels than the whole.
+pub fn cost(whole: &PlannedSplat, parts: &[PlannedSplat]) -> f64 {
+    let added = parts.iter().map(PlannedSplat::params).sum::<usize>() as f64 - whole.params() as f64;
+    added.max(1.0)
 }
 
 /// Size of the planned model.
@@ -71,9 +74,58 @@ pub fn without(size: ModelSize, planned: &PlannedSplat) -> ModelSize {
     }
 }
 
+/// What a revision has planned so far, within its budget.
+pub struct Plan {
+    /// One per splat of the current model; `None`: pruned. A split replaces it by the first half.
+    splats: Vec<Option<PlannedSplat>>,
+    /// Second halves of the splats that were split.
+    second_halves: Vec<PlannedSplat>,
+    size: ModelSize,
+    budget: Budget,
+}
+
+impl Plan {
+    /// Begins with the splats that were not pruned.
+    pub fn new(splats: Vec<Option<PlannedSplat>>, budget: Budget) -> Self {
+        let size = size_of(splats.iter().flatten());
+        Self { splats, second_halves: Vec::new(), size, budget }
+    }
+
+    /// The planned splat in the place of one of the model; `None`: it was pruned.
+    pub fn splat(&self, splat: usize) -> Option<&PlannedSplat> {
+        self.splats[splat].as_ref()
+    }
+
+    /// Number of planned splats.
+    pub fn num_splats(&self) -> usize {
+        self.size.splats
+    }
+
+    /// Puts what a splat grows into, or its two halves, in its place, if the budget allows it; returns whether it did.
+    pub fn replace(&mut self, splat: usize, parts: &[PlannedSplat]) -> bool {
+        let Some(old) = &self.splats[splat] else { return false };
+        let size = parts.iter().fold(without(self.size, old), with);
+        let [first, second @ ..] = parts else { return false };
+        if !self.budget.allows(&size) {
+            return false;
+        }
+        self.size = size;
+        self.splats[splat] = Some(*first);
+        self.second_halves.extend(second);
+        true
+    }
+
+    /// The revision.
+    pub fn finish(self, model: &Model, counts: DensityCounts) -> Revision {
+        let (plan, histories) =
+            finish(model, self.splats.into_iter().flatten().chain(self.second_halves).collect());
+        Revision { plan, histories, counts }
+    }
+}
+
 /// The plan, and the histories in its order; no plan if nothing changes. New splats are stored along a Morton
 /// curve (method 6.11).
-pub fn finish(
+fn finish(
     model: &Model,
     mut planned_splats: Vec<PlannedSplat>,
 ) -> (Option<DensityPlan>, Vec<SplatHistory>) {

@@ -1,7 +1,15 @@
-//! Error, contribution and prune counts from the statistics of a window (method 6.2 and 6.3).
+//! What a statistics window measured of each splat: error, contribution, prune counts (method 6.2 and 6.3).
 
-use super::settings::ErrorMeasure;
 use crate::backend::WindowStatistics;
+
+/// What counts as a splat's error (method 6.2).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ErrorMeasure {
+    /// Loss per unit of contribution, independent of the splat's size (paper).
+    Mean,
+    /// Loss that the splat carries in a view; larger for larger splats.
+    Mass,
+}
 
 /// Share of the mean error at or below which a splat is never a candidate. Relative, because the mass of a splat falls with
 /// their number: CAT's 1e-6 would stop growth beyond some 50,000 splats.
@@ -17,8 +25,6 @@ pub struct Scores {
     pub contribution: Vec<f64>,
     /// Contribution relative to the mean of the splats seen.
     pub share: Vec<f64>,
-    /// Loss that the splat carries in all views.
-    pub total: Vec<f64>,
     /// Error by the chosen measure; 0 for splats that no view saw or that contribute too little.
     pub error: Vec<f64>,
 }
@@ -48,7 +54,6 @@ impl Scores {
                     ErrorMeasure::Mean => mass / (contribution + 1e-8),
                     // The mean over the views that see the splat.
                     ErrorMeasure::Mass => mass / (f64::from(seen) * scale),
-                    ErrorMeasure::Total => mass,
                 }
             })
             .collect();
@@ -60,7 +65,6 @@ impl Scores {
             area: scaled(&statistics.area),
             contribution,
             share,
-            total: mass,
             error,
         }
     }
@@ -135,9 +139,6 @@ mod tests {
         assert!((mean.error[0] - mean.error[1]).abs() < 1e-6);
         let mass = Scores::new(&window, 4, ErrorMeasure::Mass, 0.0);
         assert!((mass.error[1] / mass.error[0] - 2.0).abs() < 1e-6, "twice the size, twice the mass");
-        window.seen = vec![1, 2];
-        let total = Scores::new(&window, 4, ErrorMeasure::Total, 0.0);
-        assert!((total.error[1] / total.error[0] - 2.0).abs() < 1e-6, "whatever the number of views");
         let hidden = Scores::new(&window, 4, ErrorMeasure::Mean, 0.3);
         assert_eq!(hidden.error[0], 0.0, "a splat that contributes too little has no error");
         assert!(hidden.error[1] > 0.0);

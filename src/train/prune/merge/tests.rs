@@ -5,9 +5,9 @@ use crate::backend::{Backend as _, RenderOptions};
 use crate::cpu::CpuBackend;
 use crate::model::{AdamState, Model, TextureMap, TexturePool};
 use crate::selftest::{RandomScene, SceneOptions, random_scene};
-use crate::train::give_back::costs::SplatCosts;
-use crate::train::give_back::offers::Offers;
-use crate::train::give_back::probe::{ProbeView, probe, probed};
+use crate::train::prune::costs::SplatCosts;
+use crate::train::prune::offers::Offers;
+use crate::train::prune::probe::{ProbeView, probe, probed};
 use glam::{DQuat, DVec2, DVec3};
 
 const SIDE: usize = 7;
@@ -69,11 +69,11 @@ fn render(scene: &RandomScene, model: &Model) -> Vec<f32> {
     backend.render(&scene.camera, &options).expect("an image").rgb
 }
 
-/// Splats after merging at a price, the predicted and the measured mean squared change of the image.
-fn merged_at(scene: &RandomScene, price: f64) -> (Merging, f64, f64) {
+/// Splats after merging at a threshold, the predicted and the measured mean squared change of the image.
+fn merged_at(scene: &RandomScene, threshold: f64) -> (Merging, f64, f64) {
     let pixel = DEPTH / scene.camera.pinhole.fx_px;
-    let parts = Parts::of(&scene.model, &costs(scene), &vec![pixel; SIDE * SIDE]);
-    let merged = parts.merged_at(price, &LIMITS);
+    let parts = Parts::of(&scene.model, &costs(scene), &vec![pixel; SIDE * SIDE], LIMITS);
+    let merged = parts.merged_at(threshold);
     let merging = merged.build(&scene.model, &AdamState::zeros(&scene.model)).expect("few texels");
     assert_eq!(merging.model.num_params(), merged.params());
     let images = [render(scene, &scene.model), render(scene, &merging.model)];
@@ -85,11 +85,11 @@ fn merged_at(scene: &RandomScene, price: f64) -> (Merging, f64, f64) {
 fn a_wall_becomes_few_splats_and_changes_as_predicted() {
     let scene = wall(0.02, 0.0);
     let mut fewest = SIDE * SIDE;
-    for price in [1e-7, 3e-7, 1e-6, 3e-6, 1e-3] {
-        let (merging, predicted, measured) = merged_at(&scene, price);
+    for threshold in [1e-7, 3e-7, 1e-6, 3e-6, 1e-3] {
+        let (merging, predicted, measured) = merged_at(&scene, threshold);
         let splats = merging.model.num_splats();
-        println!("{price:e}: {splats} splats, predicted {predicted:.3e}, measured {measured:.3e}");
-        assert!(splats <= fewest, "a higher price merges more");
+        println!("{threshold:e}: {splats} splats, predicted {predicted:.3e}, measured {measured:.3e}");
+        assert!(splats <= fewest, "a higher threshold merges more");
         fewest = splats;
         // Needed 0.16 to 0.40: merges side by side open the same gaps.
         assert!((0.1..1.0).contains(&(predicted / measured)), "{predicted:e}, measured {measured:e}");
@@ -139,8 +139,8 @@ fn splats_of_unknown_cost_do_not_merge() {
     let scene = wall(0.0, 0.0);
     let pixel = DEPTH / scene.camera.pinhole.fx_px;
     let splats_of = |costs: Option<SplatCosts>| {
-        let parts = Parts::of(&scene.model, &[costs; SIDE * SIDE], &[pixel; SIDE * SIDE]);
-        parts.merged_at(1e-3, &LIMITS).len()
+        let parts = Parts::of(&scene.model, &[costs; SIDE * SIDE], &[pixel; SIDE * SIDE], LIMITS);
+        parts.merged_at(1e-3).len()
     };
     assert_eq!(splats_of(None), SIDE * SIDE);
     assert!(splats_of(Some(SplatCosts::default())) < SIDE * SIDE);

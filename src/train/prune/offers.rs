@@ -13,14 +13,14 @@ const SEEN_MIN: u32 = 4;
 /// Kinds of offers: removal, SH bands and texels.
 pub const KINDS: usize = 3;
 
-/// What parameters are worth, in mean squared error, by the kind of offer: 0 for kinds that are not taken.
+/// Mean squared error per parameter below which offers are taken, by their kind: 0 for kinds that are not taken.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Prices([f64; KINDS]);
+pub struct Thresholds([f64; KINDS]);
 
-impl Prices {
+impl Thresholds {
     /// The same for all kinds.
-    pub fn all(price: f64) -> Self {
-        Self([price; KINDS])
+    pub fn all(threshold: f64) -> Self {
+        Self([threshold; KINDS])
     }
 
     /// Those of one kind alone: of removal, of SH bands or of texels.
@@ -28,9 +28,9 @@ impl Prices {
         Self::default().with(kind, self.0[kind])
     }
 
-    /// These, with the price of one kind replaced.
-    pub fn with(mut self, kind: usize, price: f64) -> Self {
-        self.0[kind] = price;
+    /// These, with the threshold of one kind replaced.
+    pub fn with(mut self, kind: usize, threshold: f64) -> Self {
+        self.0[kind] = threshold;
         self
     }
 }
@@ -46,12 +46,12 @@ pub struct Kept {
     pub texels: usize,
 }
 
-/// The best offer of a splat at some price.
+/// The best offer of a splat at some threshold.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Accepted {
     /// What is left of the splat; `None`: nothing.
     pub kept: Option<Kept>,
-    /// Parameters that it gives back.
+    /// Parameters that it saves.
     pub params: usize,
     /// Mean squared change of the images.
     pub cost: f64,
@@ -94,10 +94,10 @@ impl<'a> Offers<'a> {
         (costs.seen >= self.seen_min).then_some(known)
     }
 
-    /// The offer of a splat that saves most at these prices; `None` if all cost more than they save. Only splats that
+    /// The offer of a splat that saves most at these thresholds; `None` if all cost more than they save. Only splats that
     /// `may_go` are removed.
-    pub fn best(&self, splat: usize, prices: &Prices, may_go: bool) -> Option<Accepted> {
-        let (costs, &Prices([by_removal, by_bands, by_texels])) = (&self.costs[splat], prices);
+    pub fn best(&self, splat: usize, thresholds: &Thresholds, may_go: bool) -> Option<Accepted> {
+        let (costs, &Thresholds([by_removal, by_bands, by_texels])) = (&self.costs[splat], thresholds);
         if costs.seen < self.seen_min {
             return None;
         }
@@ -125,7 +125,7 @@ impl<'a> Offers<'a> {
             best.cost += cost;
             saved += gain;
         }
-        let gain = |offer: &Accepted, price: f64| price * offer.params as f64 - offer.cost;
+        let gain = |offer: &Accepted, threshold: f64| threshold * offer.params as f64 - offer.cost;
         let by_map = (map.rows > 0 && !self.keeps_maps)
             .then(|| self.map_offers(splat, by_texels))
             .into_iter()
@@ -148,8 +148,8 @@ impl<'a> Offers<'a> {
         (saved > 0.0).then_some(best)
     }
 
-    /// What the map of a splat could become; of crops, the best at this price.
-    fn map_offers(&self, splat: usize, price: f64) -> Vec<Accepted> {
+    /// What the map of a splat could become; of crops, the best at this threshold.
+    fn map_offers(&self, splat: usize, threshold: f64) -> Vec<Accepted> {
         let (costs, map) = (&self.costs[splat], &self.model.textures.maps[splat]);
         let none = map_window(map, [Grid::Same; 2], [0; 2], [0; 2], [0; 2], [1.0; 2]);
         let coarser = AXES.into_iter().zip(costs.coarser).filter_map(|(axes, cost)| {
@@ -159,13 +159,13 @@ impl<'a> Offers<'a> {
         });
         let mut offers = vec![self.map_offer(splat, none, costs.map)];
         offers.extend(coarser);
-        offers.extend(self.crop(splat, price));
+        offers.extend(self.crop(splat, threshold));
         offers
     }
 
-    /// The crop of a splat's map that is best at a price. Side after side is cropped, the one that saves most first, since
+    /// The crop of a splat's map that is best at a threshold. Side after side is cropped, the one that saves most first, since
     /// there are few rounds. What they cost adds up: they have no texels in common but those at corners, which count twice.
-    pub fn crop(&self, splat: usize, price: f64) -> Option<Accepted> {
+    pub fn crop(&self, splat: usize, threshold: f64) -> Option<Accepted> {
         let (costs, probes) = (&self.costs[splat], f64::from(self.probes.max(1)));
         let map = &self.model.textures.maps[splat];
         let held = [map.rows, map.cols].map(usize::from);
@@ -175,7 +175,7 @@ impl<'a> Offers<'a> {
             for (axis, end) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
                 for (depth, cost) in depths(held[axis]).into_iter().zip(costs.crops[axis][end]) {
                     let params = TEXEL_PARAMS * depth * left[1 - axis];
-                    let gain = price * params as f64 - cost / probes;
+                    let gain = threshold * params as f64 - cost / probes;
                     if off[axis][end] == 0 && depth < left[axis] && gain > best.0 {
                         best = (gain, Some((axis, end, depth, cost)));
                     }

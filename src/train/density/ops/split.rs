@@ -1,13 +1,12 @@
 //! Splitting of a splat along its longer axis (method 6.8).
 
-use super::geometry::{half_extents, opacity, sigmas};
-use super::planned_splat::{Change, PlannedSplat};
 use super::regrid::window;
-use super::settings::{DensityConfig, SplitProfile};
-use super::situation::Situation;
-use super::sizes::{MapRule, Sizes};
 use crate::backend::{Grid, MapChange};
 use crate::constants::LOG_SCALE_RANGE;
+use crate::train::density::geometry::{half_extents, opacity, sigmas};
+use crate::train::density::plan::{Change, PlannedSplat};
+use crate::train::density::situation::Situation;
+use crate::train::density::sizes::{MapRule, Sizes};
 use glam::{DQuat, DVec3};
 
 /// Aspect above which a splat is not split if its smaller standard deviation is below a pixel: such a needle would
@@ -17,48 +16,56 @@ const NEEDLE_ASPECT: f64 = 50.0;
 /// Halves whose shift is at least this many texels keep the parent's grid.
 const GRID_SHIFT_MIN: f64 = 1.5;
 
-/// The two halves, or `None` if the splat is too short to split. Its length is measured in finest texels, whatever
-/// the texels of its map.
-pub fn split(
+/// Placement, width and opacity of the halves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Profile {
+    /// One standard deviation from the centre, half as wide, opacity times exp(-1/2) (CAT).
+    Paper,
+    /// 0.56 standard deviations from the centre, half as wide, opacity times 0.9: a third of the deviation from
+    /// the parent's falloff.
+    Tight,
+}
+
+impl Profile {
+    /// Shift in standard deviations, factor of the standard deviation, factor of the opacity.
+    pub fn factors(self) -> [f64; 3] {
+        match self {
+            Self::Paper => [1.0, 0.5, 0.606_530_659_712_633],
+            Self::Tight => [0.56, 0.5, 0.9],
+        }
+    }
+}
+
+/// The two halves of a splat longer than this many finest texels, whatever the texels of its map; `None` if it is not, or a
+/// needle. `pixel` is the width of a pixel at the splat, local units.
+pub fn split_long(
     s: &Situation<'_>,
-    config: &DensityConfig,
+    profile: Profile,
     planned: &PlannedSplat,
     pixel: f64,
     longer_than_texels: f64,
 ) -> Option<[PlannedSplat; 2]> {
-    let i = planned.source as usize;
     let texels = planned.sizes.extents.map(|h| 2.0 * h / planned.sizes.finest);
     let axis = usize::from(texels[1] > texels[0]);
-    if texels[axis] <= longer_than_texels {
-        return None;
-    }
-    let sigma = sigmas(s.model, i);
-    if sigma[axis] > NEEDLE_ASPECT * sigma[1 - axis] && sigma[1 - axis] < pixel * s.render_scale {
-        return None;
-    }
+    let sigma = sigmas(s.model, planned.source as usize);
+    let is_needle = sigma[axis] > NEEDLE_ASPECT * sigma[1 - axis] && sigma[1 - axis] < pixel * s.render_scale;
     // Three standard deviations of a half are at most the length from which splats are split.
-    let widest = s.split_texels * planned.sizes.finest / 3.0;
-    Some(halves(s, config, planned, axis, config.split_profile, widest))
+    let widest = s.timing.split_texels.unwrap_or(longer_than_texels) * planned.sizes.finest / 3.0;
+    (texels[axis] > longer_than_texels && !is_needle).then(|| halves(s, profile, planned, axis, widest))
 }
 
 /// The two halves of a splat along its longer axis, however short it is.
-pub fn split_of_any_length(
-    s: &Situation<'_>,
-    config: &DensityConfig,
-    planned: &PlannedSplat,
-    profile: SplitProfile,
-) -> [PlannedSplat; 2] {
+pub fn split_any(s: &Situation<'_>, profile: Profile, planned: &PlannedSplat) -> [PlannedSplat; 2] {
     let sigma = sigmas(s.model, planned.source as usize);
-    halves(s, config, planned, usize::from(sigma[1] > sigma[0]), profile, f64::INFINITY)
+    halves(s, profile, planned, usize::from(sigma[1] > sigma[0]), f64::INFINITY)
 }
 
 /// The two halves of a splat along one of its axes; their standard deviation along it is at most `widest`.
-pub fn halves(
+fn halves(
     s: &Situation<'_>,
-    config: &DensityConfig,
+    profile: Profile,
     planned: &PlannedSplat,
     axis: usize,
-    profile: SplitProfile,
     widest: f64,
 ) -> [PlannedSplat; 2] {
     let i = planned.source as usize;
@@ -67,14 +74,14 @@ pub fn halves(
     let map = &s.model.textures.maps[i];
     let texel_size = f64::from(map.texel_sizes[axis]);
     let exact = shift_sigmas * sigma[axis];
-    let on_grid = s.rule == MapRule::Adaptive && map.rows > 0 && exact / texel_size >= GRID_SHIFT_MIN;
+    let on_grid = s.map_rule == MapRule::Adaptive && map.rows > 0 && exact / texel_size >= GRID_SHIFT_MIN;
     // A shift by whole texels spares resampling.
     let shift = if on_grid { (exact / texel_size).floor() * texel_size } else { exact };
     let mut half_sigma = sigma;
     half_sigma[axis] = (sigma[axis] * sigma_factor).min(widest);
     let half_opacity = opacity(s.model, i) * opacity_factor;
     let mut sizes = planned.sizes;
-    sizes.extents = half_extents(half_sigma, half_opacity, config.alpha_texture);
+    sizes.extents = half_extents(half_sigma, half_opacity, s.settings.alpha_texture);
     let half = |direction: f64| {
         let (change, texels) = half_map(s, planned, &sizes, axis, direction * shift, on_grid);
         let edit = Change {
@@ -124,7 +131,7 @@ fn half_map(
         let change = window(map, [Grid::Same; 2], texels, [0; 2], moved, moment_scale);
         return (change, (texels[0] * texels[1]) as usize);
     }
-    let (texel_sizes, [rows, cols]) = match s.rule {
+    let (texel_sizes, [rows, cols]) = match s.map_rule {
         MapRule::Fixed(resolution) => {
             let spanning = |axis: usize| {
                 2.0 * sizes.extents[axis].max(1e-3 * texel_sizes[axis]) / (f64::from(resolution) - 1.0)

@@ -1,8 +1,9 @@
-//! A finished model gives back what it does not miss: splats, SH bands and texels whose loss costs less squared error than
-//! their parameters are worth (method 6.15).
+//! Pruning after growth: takes from a model the splats, SH bands and texels whose loss costs less squared error than a threshold
+//! per parameter (method 6.15).
 
 mod accept;
 mod costs;
+mod cut;
 mod error;
 mod merge;
 mod offers;
@@ -15,15 +16,15 @@ use super::density::{MapRule, SplatHistory};
 use super::exposure::Exposures;
 use super::schedule::Schedule;
 use super::targets::Targets;
-use crate::backend::{Backend, ColourMap, DensityPlan, TargetImage};
+use crate::backend::{Backend, ColourMap, TargetImage};
 use crate::model::{AdamState, Model};
 use crate::views::ViewSource;
-use crate::{Error, Result};
-use accept::{accept, planned, price_of};
+use crate::Result;
+use accept::threshold_for;
 use costs::SplatCosts;
 use error::mean_squared_error;
 use merge::{Limits, TRIALS, Trial};
-use offers::{KINDS, Offers, Prices};
+use offers::Offers;
 use probe::{ProbeView, probe, probed};
 use rand::seq::SliceRandom as _;
 use rand::{RngExt as _, SeedableRng as _};
@@ -31,20 +32,17 @@ use rand_pcg::Pcg64Mcg;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// The share of the parameters that [`Round::need_db`] is the worth of.
-const PRICED_SHARE: f64 = 0.1;
+/// The share of the parameters that [`Round::prune_db`] is asked of.
+const THRESHOLD_SHARE: f64 = 0.1;
 
-/// Views on which the promise is checked.
+/// Views on which predictions are checked.
 const CHECKED_VIEWS: usize = 8;
 
 /// Views that a round probes, at most. A splat that only other views see would look idle.
 pub const MOST_PROBES: usize = 64;
 
-/// Attempts for each kind, each at half the price of the one before; a raised price is followed by what parameters are worth.
-const ATTEMPTS: i32 = 3;
-
-/// Price of a parameter, in squared error, that is beyond anything on offer.
-const MOST_PRICE: f64 = 1.0;
+/// Threshold, squared error per parameter, that is beyond anything on offer.
+const MOST_THRESHOLD: f64 = 1.0;
 
 /// Share of the splats that a round may remove: of two that hide the same, one looks as idle as the other.
 const REMOVABLE: f64 = 0.5;
@@ -52,25 +50,23 @@ const REMOVABLE: f64 = 0.5;
 /// The share of what a model may lose before it is no longer good enough that is for offers; merges may use up the rest.
 const CUT_SLACK: f64 = 0.5;
 
-/// Factors by which prices may be raised, the highest first: while the model is better than good enough, and for merges,
-/// since training makes up for much of what they cost.
+/// Factors by which thresholds may be raised, the highest first, while the model is better than good enough.
 const RAISES: [f64; 6] = [1024.0, 256.0, 64.0, 16.0, 4.0, 1.0];
 
 /// All trials of merges together take one in this many steps of a run; least and most steps of one training.
 const STEPS_PER_TRIAL_STEP: u32 = 50;
 const TRIAL_STEPS: [u32; 2] = [8, 64];
 
-/// A round of giving back.
+/// A round of pruning.
 #[derive(Clone, Copy, Debug)]
 pub struct Round {
-    /// What 10 % of the parameters must be worth to stay, dB of the PSNR of training views; 0: nothing.
-    pub need_db: f64,
+    /// What the loss of the last 10 % of the parameters may cost, dB of the PSNR of training views.
+    pub prune_db: f64,
     /// Mean squared error that is good enough: added to that of the model where parameters are priced.
     pub floor: f64,
-    /// Parameters to which the model must come down by the last round, whatever they are worth; no more than that is given
-    /// back.
+    /// Parameters to which the model must come down by the last round, whatever that costs; no more than that is pruned.
     pub budget: Option<usize>,
-    /// Whether a model within its budget gives back what is not worth [`Self::need_db`].
+    /// Whether a model within its budget is pruned by [`Self::prune_db`].
     pub by_need: bool,
     /// Rounds to come, with this one.
     pub rounds_left: u32,
@@ -92,7 +88,7 @@ pub struct Round {
 
 /// What a round did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct GivenBack {
+pub struct Pruned {
     /// Steps done before it.
     pub step: u32,
     /// Splats removed.
@@ -110,15 +106,15 @@ pub struct GivenBack {
     /// Texels after.
     pub texels: usize,
     /// Predicted loss, dB of PSNR; of the last attempt, if all were undone.
-    pub promised_db: f64,
+    pub predicted_db: f64,
     /// Loss on the views checked, dB of PSNR.
     pub measured_db: f64,
 }
 
-impl GivenBack {
-    /// How far the mean squared error may rise for it, where a parameter is `worth` it; at least by `slack`.
-    fn allowed(&self, worth: f64, slack: f64) -> f64 {
-        (worth * (self.params_before - self.params) as f64).max(slack)
+impl Pruned {
+    /// How far the mean squared error may rise for it at this threshold; at least by `slack`.
+    fn allowed(&self, threshold: f64, slack: f64) -> f64 {
+        (threshold * (self.params_before - self.params) as f64).max(slack)
     }
 }
 
@@ -141,18 +137,18 @@ impl Round {
                 finest_px: density.min_texel_px,
                 alpha_texture: density.alpha_texture,
             },
-            steps: trial_steps(config.steps, schedule.give_back_rounds),
+            steps: trial_steps(config.steps, schedule.prune_rounds),
             loss: config.loss,
             rates: schedule.rates(config, step + 1),
         };
         Self {
-            need_db: density.give_back_db,
+            prune_db: density.prune_db,
             floor: 10.0_f64.powf(-density.floor_db / 10.0),
             budget: config.budget.max_params,
             by_need: density.need_db > 0.0,
             rounds_left: schedule.rounds_left(step),
             step,
-            probes: MOST_PROBES,
+            probes: std::env::var("LITETEX_PROBES").ok().and_then(|v| v.parse().ok()).unwrap_or(MOST_PROBES),
             keeps_maps,
             background: config.background,
             sh_degree: schedule.sh_degree(step, config.sh_degree),
@@ -161,8 +157,8 @@ impl Round {
         }
     }
 
-    /// Does the round, and brings the histories of the splats along. Returns what it did; `None` if there is nothing to give
-    /// back. The statistics of the backend are then to be set anew.
+    /// Does the round, and brings the histories of the splats along. Returns what it did; `None` if there is nothing to
+    /// prune. The statistics of the backend are then to be set anew.
     ///
     /// # Errors
     /// Whatever the backend or the views report; the state is then that before the round, if the backend still works.
@@ -171,7 +167,7 @@ impl Round {
         backend: &mut dyn Backend,
         training: &mut TrainingViews<'_>,
         histories: &mut Vec<SplatHistory>,
-    ) -> Result<Option<GivenBack>> {
+    ) -> Result<Option<Pruned>> {
         let before = backend.read_back()?;
         let mut after = histories.clone();
         let outcome = self.run_from(backend, training, &before, &mut after);
@@ -189,7 +185,7 @@ impl Round {
         training: &mut TrainingViews<'_>,
         before: &(Model, AdamState),
         histories: &mut Vec<SplatHistory>,
-    ) -> Result<Option<GivenBack>> {
+    ) -> Result<Option<Pruned>> {
         let mut rng = Pcg64Mcg::seed_from_u64(self.seed);
         let mut order = training.train_views.to_vec();
         order.shuffle(&mut rng);
@@ -212,26 +208,26 @@ impl Round {
         let is_bound = self.budget.is_some() && self.rounds_left == 1;
         let removable = if is_bound { 1.0 } else { REMOVABLE };
         let may_go: Vec<bool> = (0..probed.num_splats()).map(|_| rng.random_bool(removable)).collect();
-        let worth = match excess {
-            None => self.price(error, params),
-            Some(excess) => price_of(&offers, &may_go, excess),
+        let threshold = match excess {
+            None => self.threshold(error, params),
+            Some(excess) => threshold_for(&offers, &may_go, excess),
         };
         // What the model may lose before it is no longer good enough: merges have what these offers leave.
         let slack = CUT_SLACK * (self.good_enough() - error).max(0.0);
         let cut =
-            self.cut(backend, training, before, &offers, (&may_go, worth, error, slack), (&order, &checked))?;
+            self.cut(backend, training, before, &offers, (&may_go, threshold, error, slack), (&order, &checked))?;
         let (mut outcome, plan) = cut.map_or((None, None), |(outcome, plan)| (Some(outcome), plan));
         let is_cut = plan.is_some();
         let sources = plan.map_or_else(|| (0..probed.num_splats() as u32).collect(), |plan| plan.sources);
         *histories = sources.iter().map(|&source| histories[source as usize]).collect();
-        if let Some(trial) = self.trial.as_ref().filter(|_| !is_bound && worth < MOST_PRICE) {
+        if let Some(trial) = self.trial.as_ref().filter(|_| error < self.good_enough()) {
             let costs: Vec<Option<SplatCosts>> =
                 sources.iter().map(|&source| offers.costs(source as usize)).collect();
-            let merged = self.merge(backend, training, trial, (&order, &checked), worth, &costs)?;
+            let merged = self.merge(backend, training, trial, (&order, &checked), threshold, &costs)?;
             if let Some(merged) = merged {
-                let none = GivenBack { step: self.step, params_before: params, ..GivenBack::default() };
+                let none = Pruned { step: self.step, params_before: params, ..Pruned::default() };
                 let outcome = outcome.insert(outcome.filter(|_| is_cut).unwrap_or(none));
-                outcome.promised_db += db(merged.promised, error);
+                outcome.predicted_db += db(merged.predicted, error);
                 outcome.measured_db += db(merged.measured, error);
                 outcome.merged = sources.len() - merged.sources.len();
                 (outcome.params, outcome.texels) = (merged.params, merged.texels);
@@ -259,86 +255,14 @@ impl Round {
         Ok(offers)
     }
 
-    /// Takes the offers where a parameter is `worth` it, where the views `checked` have this error now; splats are removed only
-    /// where they `may_go`. Without a budget, the last round is also checked on all views, in this `order`. Returns what that did,
-    /// and the plan that the backend carried out, unless it was undone.
-    fn cut(
-        &self,
-        backend: &mut dyn Backend,
-        training: &mut TrainingViews<'_>,
-        (model, adam): &(Model, AdamState),
-        offers: &Offers<'_>,
-        (may_go, worth, error, slack): (&[bool], f64, f64, f64),
-        (order, checked): (&[usize], &[usize]),
-    ) -> Result<Option<(GivenBack, Option<DensityPlan>)>> {
-        backend.upload(model, adam)?;
-        let probed = offers.model();
-        let params = probed.num_params();
-        // A budget must be met, whatever the views say.
-        let is_last = self.budget.is_none() && self.rounds_left == 1;
-        let before = if is_last { Some(self.error(backend, training, order)?) } else { None };
-        // Takes the offers at these prices. Returns what that does, whether it is worth it, and the plan.
-        let mut take = |backend: &mut dyn Backend, prices: &Prices, slack: f64| {
-            let accepted = accept(offers, may_go, prices);
-            let promised: f64 = accepted.iter().flatten().map(|offer| offer.cost).sum();
-            let (mut outcome, plan) = planned(probed, &accepted);
-            // A model without splats could not be trained any further.
-            if outcome.params == params || plan.sources.is_empty() {
-                return Ok((outcome, false, plan));
-            }
-            backend.apply_plan(&plan)?;
-            let rise = self.error(backend, training, checked)? - error;
-            (outcome.step, outcome.promised_db, outcome.measured_db) =
-                (self.step, db(promised, error), db(rise, error));
-            Ok::<_, Error>((outcome, rise <= outcome.allowed(worth, slack), plan))
-        };
-        let mut prices = Prices::all(worth);
-        if self.budget.is_none() {
-            let is_good_enough = |raise: &&f64| {
-                let accepted = accept(offers, may_go, &Prices::all(*raise * worth));
-                accepted.iter().flatten().map(|offer| offer.cost).sum::<f64>() <= slack
-            };
-            let start = worth * RAISES.iter().find(is_good_enough).unwrap_or(&1.0);
-            // Predictions are better for some kinds than for others, and differ between captures.
-            for kind in 0..KINDS {
-                prices = prices.with(kind, 0.0);
-                let halved = (0..ATTEMPTS).map(|halvings| start / 2.0_f64.powi(halvings));
-                for price in halved.chain((start > worth).then_some(worth)) {
-                    let is_worth_it = take(backend, &Prices::all(price).only(kind), slack / KINDS as f64)?.1;
-                    backend.upload(model, adam)?;
-                    if is_worth_it {
-                        prices = prices.with(kind, price);
-                        break;
-                    }
-                }
-            }
-        }
-        let (mut outcome, mut is_worth_it, plan) = take(backend, &prices, slack)?;
-        if outcome.params == params || plan.sources.is_empty() {
-            return Ok(None);
-        }
-        if let Some(before) = before.filter(|_| is_worth_it) {
-            let rise = self.error(backend, training, order)? - before;
-            outcome.measured_db = db(rise, before);
-            is_worth_it = rise <= outcome.allowed(worth, slack);
-        }
-        if is_worth_it || self.budget.is_some() {
-            return Ok(Some((outcome, Some(plan))));
-        }
-        backend.upload(model, adam)?;
-        (outcome.splats, outcome.degrees, outcome.maps) = (0, 0, 0);
-        (outcome.params, outcome.texels) = (params, probed.num_texels());
-        Ok(Some((outcome, None)))
-    }
-
     /// Mean squared error up to which a model is good enough. With a budget none is: it gets the best that fits.
     fn good_enough(&self) -> f64 {
         if self.budget.is_none() { self.floor } else { 0.0 }
     }
 
-    /// Mean squared error that a parameter is worth without a budget.
-    fn price(&self, error: f64, params: usize) -> f64 {
-        (error + self.floor) * (10.0_f64.powf(self.need_db / 10.0) - 1.0) / (PRICED_SHARE * params as f64)
+    /// The threshold without a budget.
+    fn threshold(&self, error: f64, params: usize) -> f64 {
+        (error + self.floor) * (10.0_f64.powf(self.prune_db / 10.0) - 1.0) / (THRESHOLD_SHARE * params as f64)
     }
 
     fn view<'p>(&self, training: &TrainingViews<'_>, view: usize, photo: &'p TargetImage) -> ProbeView<'p> {

@@ -1,24 +1,27 @@
-//! Which offers are taken at a price, and the plan made of them.
+//! Which offers are taken at a threshold, and the plan made of them.
 
-use super::offers::{Accepted, Offers, Prices};
-use super::{GivenBack, MOST_PRICE};
+use super::offers::{Accepted, Offers, Thresholds};
+use super::{Pruned, MOST_THRESHOLD};
 use crate::backend::{DensityPlan, MapChange};
 use crate::model::Model;
 use rayon::prelude::*;
 
-/// The offers worth taking at these prices.
-pub fn accept(offers: &Offers<'_>, may_go: &[bool], prices: &Prices) -> Vec<Option<Accepted>> {
-    may_go.par_iter().enumerate().map(|(splat, &may_go)| offers.best(splat, prices, may_go)).collect()
+/// Halvings of the range of thresholds, of 46 nats: to 3e-6.
+const SEARCH_STEPS: u32 = 24;
+
+/// The best offers at these thresholds.
+pub fn accept(offers: &Offers<'_>, may_go: &[bool], thresholds: &Thresholds) -> Vec<Option<Accepted>> {
+    may_go.par_iter().enumerate().map(|(splat, &may_go)| offers.best(splat, thresholds, may_go)).collect()
 }
 
-/// The lowest price at which that many parameters are given back; the highest at which anything changes, if there are too
+/// The lowest threshold at which that many parameters are pruned; the highest at which anything changes, if there are too
 /// few.
-pub fn price_of(offers: &Offers<'_>, may_go: &[bool], params: usize) -> f64 {
+pub fn threshold_for(offers: &Offers<'_>, may_go: &[bool], params: usize) -> f64 {
     // Squared errors per parameter far outside of what occurs.
-    let (mut low, mut high) = (1e-20_f64.ln(), MOST_PRICE.ln());
-    for _ in 0..40 {
+    let (mut low, mut high) = (1e-20_f64.ln(), MOST_THRESHOLD.ln());
+    for _ in 0..SEARCH_STEPS {
         let middle = 0.5 * (low + high);
-        let saved: usize = accept(offers, may_go, &Prices::all(middle.exp()))
+        let saved: usize = accept(offers, may_go, &Thresholds::all(middle.exp()))
             .iter()
             .flatten()
             .map(|offer| offer.params)
@@ -29,9 +32,9 @@ pub fn price_of(offers: &Offers<'_>, may_go: &[bool], params: usize) -> f64 {
 }
 
 /// The plan of the offers taken, and what it does.
-pub fn planned(model: &Model, accepted: &[Option<Accepted>]) -> (GivenBack, DensityPlan) {
+pub fn planned(model: &Model, accepted: &[Option<Accepted>]) -> (Pruned, DensityPlan) {
     let params = model.num_params();
-    let mut outcome = GivenBack { params_before: params, params, ..GivenBack::default() };
+    let mut outcome = Pruned { params_before: params, params, ..Pruned::default() };
     let mut plan = DensityPlan::default();
     for (splat, accepted) in accepted.iter().enumerate() {
         let held = model.splats.sh_degrees()[splat];

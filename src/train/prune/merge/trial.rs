@@ -6,9 +6,9 @@ use crate::Result;
 use crate::backend::{Backend, LearningRates, LossWeights, StepRequest};
 use crate::model::TextureMap;
 use crate::train::density::{SplatHistory, pixel_sizes};
-use crate::train::give_back::costs::SplatCosts;
+use crate::train::prune::costs::SplatCosts;
 
-/// Trials of one round: merges at a lower price are tried if those before were not worth it.
+/// Trials of one round: merges at a lower threshold are tried if those before cost too much.
 pub const TRIALS: usize = 2;
 
 /// Training of a trial.
@@ -24,8 +24,8 @@ pub struct Trial {
     pub rates: LearningRates,
 }
 
-/// Merges that were worth it.
-pub struct Merged {
+/// Merges that were kept.
+pub struct Kept {
     /// For each splat the one that it was; of merged ones, the first.
     pub sources: Vec<u32>,
     /// Longer sides of the maps of merged splats, in texels; `None` for all others.
@@ -35,12 +35,12 @@ pub struct Merged {
     /// Texels after.
     pub texels: usize,
     /// Predicted rise of the mean squared error.
-    pub promised: f64,
+    pub predicted: f64,
     /// That after the trial, of the views checked.
     pub measured: f64,
 }
 
-impl Merged {
+impl Kept {
     /// The histories of the splats, given those before. Their ceilings allow the maps of merged splats.
     pub fn histories(&self, before: &[SplatHistory]) -> Vec<SplatHistory> {
         let of = |(&source, &side): (&u32, &Option<u16>)| {
@@ -57,7 +57,7 @@ impl Merged {
 
 impl Round {
     /// Merges neighbours of the model in the backend if training makes up for what that costs: if the error of the views
-    /// `checked` rises by less than the parameters saved are worth, at `worth` each, or is still good enough. `costs` are
+    /// `checked` rises by less than `threshold` for each parameter saved, or is still good enough. `costs` are
     /// those of its splats.
     ///
     /// # Errors
@@ -68,14 +68,14 @@ impl Round {
         training: &mut TrainingViews<'_>,
         trial: &Trial,
         (order, checked): (&[usize], &[usize]),
-        worth: f64,
+        threshold: f64,
         costs: &[Option<SplatCosts>],
-    ) -> Result<Option<Merged>> {
+    ) -> Result<Option<Kept>> {
         let (stored, adam) = backend.read_back()?;
         // Merged splats take flushed values, all others keep theirs.
         let model = backend.read_flushed()?;
         let cameras: Vec<_> = order.iter().map(|&view| training.views.camera(view)).collect();
-        let parts = Parts::of(&model, costs, &pixel_sizes(&model, &cameras));
+        let parts = Parts::of(&model, costs, &pixel_sizes(&model, &cameras), trial.limits);
         let slack = self.good_enough() - self.error(backend, training, checked)?;
         let mut without = None;
         let mut tried = Vec::new();
@@ -83,14 +83,12 @@ impl Round {
             if tried.len() == TRIALS {
                 break;
             }
-            let merged = parts.merged_at(raise * worth, &trial.limits);
+            let merged = parts.merged_at(raise * threshold);
             if merged.len() == parts.len() {
                 break;
             }
-            let worth = worth * (parts.params() - merged.params()) as f64;
-            // Less than the budget would be lost for nothing.
-            let is_too_small = self.budget.is_some_and(|most| merged.params() < most);
-            if is_too_small || merged.cost() > worth.max(slack) || tried.contains(&merged.params()) {
+            let allowed = threshold * (parts.params() - merged.params()) as f64;
+            if merged.cost() > allowed.max(slack) || tried.contains(&merged.params()) {
                 continue;
             }
             tried.push(merged.params());
@@ -105,14 +103,14 @@ impl Round {
             backend.upload(&model, &adam)?;
             self.train(backend, training, trial, order, adam.step)?;
             let error = self.error(backend, training, checked)?;
-            if error <= (without + worth).max(self.good_enough()) {
+            if error <= (without + allowed).max(self.good_enough()) {
                 backend.upload(&model, &adam)?;
                 let side =
                     |(map, &is_merged): (&TextureMap, &bool)| is_merged.then(|| map.rows.max(map.cols));
                 let sides = model.textures.maps.iter().zip(&is_merged).map(side).collect();
                 let (params, texels) = (model.num_params(), model.num_texels());
-                let [promised, measured] = [merged.cost(), error - without];
-                return Ok(Some(Merged { sources, sides, params, texels, promised, measured }));
+                let [predicted, measured] = [merged.cost(), error - without];
+                return Ok(Some(Kept { sources, sides, params, texels, predicted, measured }));
             }
         }
         backend.upload(&stored, &adam)?;

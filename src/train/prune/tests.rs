@@ -1,7 +1,7 @@
-//! Promises of offers, against what their plans do to the image.
+//! Predictions of offers, against what their plans do to the image.
 
-use super::accept::{accept, planned, price_of};
-use super::offers::{Accepted, Offers, Prices};
+use super::accept::{accept, planned, threshold_for};
+use super::offers::{Accepted, Offers, Thresholds};
 use super::probe::{BETWEEN, ProbeView, probe_through, probed};
 use super::trial_steps;
 use crate::backend::{Backend as _, ColourMap, MapChange, RenderOptions};
@@ -48,7 +48,7 @@ fn probed_offers<'a>(scene: &'a RandomScene, backend: &mut CpuBackend, exposure:
     offers
 }
 
-/// Parameters given back and mean squared change of the image if these offers are taken; and what is promised.
+/// Parameters saved and mean squared change of the image if these offers are taken; and what is predicted.
 fn measured(scene: &RandomScene, accepted: &[Option<Accepted>]) -> (usize, f64, f64) {
     let mut backend = CpuBackend::new(Some(2)).expect("a backend");
     backend.upload(&scene.model, &AdamState::zeros(&scene.model)).expect("room");
@@ -63,40 +63,40 @@ fn measured(scene: &RandomScene, accepted: &[Option<Accepted>]) -> (usize, f64, 
 }
 
 #[test]
-fn images_change_as_promised() {
+fn images_change_as_predicted() {
     let scene = scene(1.5);
     let mut backend = CpuBackend::new(Some(2)).expect("a backend");
     let offers = probed_offers(&scene, &mut backend, &BETWEEN);
     let none = vec![false; 40];
-    // Maps of a fixed size are not on offer; at this price all others go.
+    // Maps of a fixed size are not on offer; at this threshold all others go.
     let has_changed_map = |keeps_maps: bool| {
         let mut offers = Offers::new(&scene.model, false, keeps_maps);
         offers.observe(&AdamState::zeros(&scene.model));
-        let accepted = accept(&offers, &none, &Prices::all(1.0));
+        let accepted = accept(&offers, &none, &Thresholds::all(1.0));
         accepted.iter().flatten().any(|o| o.kept.is_some_and(|kept| kept.map != MapChange::Keep))
     };
     assert_eq!([true, false].map(has_changed_map), [false, true]);
     // Few enough that they hardly hide each other.
     let some: Vec<bool> = (0..40).map(|splat| splat % 8 == 0).collect();
     let mut saved = 0;
-    // At higher prices, what bands and maps lose together no longer adds up.
-    for price in [1e-9, 1e-8, 1e-7, 1e-6] {
-        let (params, changed, promised) = measured(&scene, &accept(&offers, &none, &Prices::all(price)));
-        println!("price {price:e}: {params} parameters, {changed:.3e}, promised {promised:.3e}");
-        assert!(params >= saved, "a higher price gives back more");
+    // At higher thresholds, what bands and maps lose together no longer adds up.
+    for threshold in [1e-9, 1e-8, 1e-7, 1e-6] {
+        let (params, changed, predicted) = measured(&scene, &accept(&offers, &none, &Thresholds::all(threshold)));
+        println!("threshold {threshold:e}: {params} parameters, {changed:.3e}, predicted {predicted:.3e}");
+        assert!(params >= saved, "a higher threshold prunes more");
         saved = params;
         // Needed 0.85 to 1.06: squares of single probes vary by their own size, and offers that overlap add up.
-        let ratio = promised / changed;
-        assert!((0.7..1.4).contains(&ratio), "{price:e}: {changed:e}, promised {promised:e}");
+        let ratio = predicted / changed;
+        assert!((0.7..1.4).contains(&ratio), "{threshold:e}: {changed:e}, predicted {predicted:e}");
     }
-    // At the price of a number of parameters, just as many are given back.
-    let price = price_of(&offers, &some, 1_000);
-    let given: usize =
-        accept(&offers, &some, &Prices::all(price)).iter().flatten().map(|offer| offer.params).sum();
-    assert!((1_000..1_200).contains(&given), "{given}");
-    // Negative control: offers that were promised for other splats change the image more.
-    let mut elsewhere = accept(&offers, &none, &Prices::all(1e-7));
-    let promised: f64 = elsewhere.iter().flatten().map(|offer| offer.cost).sum();
+    // At the threshold of a number of parameters, just as many are pruned.
+    let threshold = threshold_for(&offers, &some, 1_000);
+    let pruned: usize =
+        accept(&offers, &some, &Thresholds::all(threshold)).iter().flatten().map(|offer| offer.params).sum();
+    assert!((1_000..1_200).contains(&pruned), "{pruned}");
+    // Negative control: offers that were predicted for other splats change the image more.
+    let mut elsewhere = accept(&offers, &none, &Thresholds::all(1e-7));
+    let predicted: f64 = elsewhere.iter().flatten().map(|offer| offer.cost).sum();
     elsewhere.rotate_left(5);
     for (splat, offer) in elsewhere.iter_mut().enumerate() {
         let has_map = scene.model.textures.maps[splat].rows > 0;
@@ -110,11 +110,11 @@ fn images_change_as_promised() {
     backend.apply_plan(&planned(&scene.model, &elsewhere).1).expect("a plan that fits");
     let after = render(&mut backend, &scene);
     let squares: f64 = before.iter().zip(after).map(|(a, b)| f64::from(a - b).powi(2)).sum();
-    assert!(squares / before.len() as f64 > 3.0 * promised, "{squares}, promised {promised:e}");
+    assert!(squares / before.len() as f64 > 3.0 * predicted, "{squares}, predicted {predicted:e}");
 }
 
 #[test]
-fn removal_costs_what_is_promised_in_bright_scenes() {
+fn removal_costs_what_is_predicted_in_bright_scenes() {
     let scene = scene(4.0);
     let mut backend = CpuBackend::new(Some(2)).expect("a backend");
     backend.upload(&scene.model, &AdamState::zeros(&scene.model)).expect("room");
@@ -126,9 +126,9 @@ fn removal_costs_what_is_promised_in_bright_scenes() {
     let some: Vec<bool> = (0..40).map(|splat| splat % 8 == 0).collect();
     let mut ratio = |exposure: ColourMap| {
         let offers = probed_offers(&scene, &mut backend, &exposure);
-        let (_, changed, promised) = measured(&scene, &accept(&offers, &some, &Prices::all(1.0).only(0)));
-        println!("removal: {changed:.3e}, promised {promised:.3e}");
-        promised / changed
+        let (_, changed, predicted) = measured(&scene, &accept(&offers, &some, &Thresholds::all(1.0).only(0)));
+        println!("removal: {changed:.3e}, predicted {predicted:.3e}");
+        predicted / changed
     };
     let ratios = [BETWEEN, ColourMap::IDENTITY].map(&mut ratio);
     // Needed 1.005; squares of 300 probes vary by 8 %, and sums of five splats by less.
@@ -148,29 +148,29 @@ fn opposite(map: &TextureMap, mut crop: Accepted) -> Option<(Accepted, usize)> {
 }
 
 #[test]
-fn crops_cost_what_is_promised() {
+fn crops_cost_what_is_predicted() {
     let scene = scene(1.5);
     let mut backend = CpuBackend::new(Some(2)).expect("a backend");
     let offers = probed_offers(&scene, &mut backend, &BETWEEN);
     let maps = &scene.model.textures.maps;
-    for price in [1e-8, 1e-7, 1e-6, 1e-5] {
-        let crop = |splat: usize| offers.crop(splat, price).filter(|_| maps[splat].rows > 0);
+    for threshold in [1e-8, 1e-7, 1e-6, 1e-5] {
+        let crop = |splat: usize| offers.crop(splat, threshold).filter(|_| maps[splat].rows > 0);
         let crops: Vec<Option<Accepted>> = (0..40).map(crop).collect();
-        let (params, changed, promised) = measured(&scene, &crops);
+        let (params, changed, predicted) = measured(&scene, &crops);
         let mirrored: Vec<_> = crops.iter().zip(maps).map(|(crop, map)| opposite(map, (*crop)?)).collect();
         let num_maps = mirrored.iter().flatten().count();
         let sides: usize = mirrored.iter().flatten().map(|m| m.1).sum();
         let mirrored: Vec<_> = mirrored.into_iter().map(|mirrored| mirrored.map(|m| m.0)).collect();
         let (_, control, _) = measured(&scene, &mirrored);
-        println!("price {price:e}: {params} parameters off {sides} sides of {num_maps} maps");
-        println!("    {changed:.3e}, promised {promised:.3e}, off opposite sides {control:.3e}");
+        println!("threshold {threshold:e}: {params} parameters off {sides} sides of {num_maps} maps");
+        println!("    {changed:.3e}, predicted {predicted:.3e}, off opposite sides {control:.3e}");
         // Several sides of a map at once, so that their costs are added up.
         assert!(params > 0 && 3 * sides > 4 * num_maps, "{sides} sides of {num_maps} maps");
         // Needed 0.95 to 1.06.
-        let ratio = promised / changed;
-        assert!((0.8..1.25).contains(&ratio), "{price:e}: {changed:e}, promised {promised:e}");
-        // Negative control: 3.6 times as much at the highest price, 900 times at the lowest.
-        assert!(control > 2.0 * changed, "{price:e}: {control:e}");
+        let ratio = predicted / changed;
+        assert!((0.8..1.25).contains(&ratio), "{threshold:e}: {changed:e}, predicted {predicted:e}");
+        // Negative control: 3.6 times as much at the highest threshold, 900 times at the lowest.
+        assert!(control > 2.0 * changed, "{threshold:e}: {control:e}");
     }
 }
 

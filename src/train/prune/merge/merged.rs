@@ -5,7 +5,7 @@ use super::part::Part;
 use crate::constants::SH_0;
 use crate::model::TextureMap;
 use crate::train::density::{TEXELS_MAX, even_texels, half_extents};
-use crate::train::give_back::costs::SplatCosts;
+use crate::train::prune::costs::SplatCosts;
 use glam::{DMat2, DMat3, DVec2, DVec3};
 
 /// Samples along each axis on which a merged splat is compared with its parts, over [`REACH`] standard deviations.
@@ -142,7 +142,7 @@ fn draw_map(members: &[&Part], limits: &Limits, mean: [f64; 3], whole: &mut Part
     let covered: f64 = members.iter().map(area).sum();
     let texels: usize = members.iter().map(|part| part.map.num_texels()).sum();
     let extents = half_extents(whole.sigmas, whole.opacity, limits.alpha_texture);
-    // Maps of fewer texels than 2 x 2 are not worth their place.
+    // Maps of fewer texels than 2 x 2 cost more than they show.
     if texels < 4 || extents.contains(&0.0) {
         return;
     }

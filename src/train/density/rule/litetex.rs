@@ -1,0 +1,141 @@
+//! Growth of `litetex`, and of the policies that differ from it only in their maps (method 6.6): all that a splat could become,
+//! a split, a finer map or another SH band, competes by the error that it is expected to remove per parameter.
+
+use super::survivors;
+use crate::train::density::draw::draw_order;
+use crate::train::density::geometry::pixel_sizes;
+use crate::train::density::ops::band;
+use crate::train::density::ops::map::{self, Moments};
+use crate::train::density::ops::split::{Profile, split_any, split_long};
+use crate::train::density::plan::{Plan, PlannedSplat, cost};
+use crate::train::density::situation::{DensityCounts, Revision, Situation};
+use crate::train::density::stats::{ErrorMeasure, Scores};
+
+/// Length in finest texels above which a splat may be split to replace a pruned one. Not measured.
+const RESPAWN_TEXELS: f64 = 2.0;
+
+/// An offer: what a splat could become.
+struct Offer {
+    /// Index of the splat.
+    splat: usize,
+    kind: Kind,
+    /// The splat with a finer map or another band, or its halves.
+    parts: Vec<PlannedSplat>,
+    /// Error that it is expected to remove per parameter, in shares of what a split removes.
+    weight: f64,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Split,
+    /// A split of a splat that is too short for others, to replace a pruned one.
+    Respawn,
+    Refined,
+    Band,
+}
+
+/// Decides a density-control step.
+pub fn revise(s: &Situation<'_>) -> Revision {
+    let scores = Scores::new(s.statistics, s.cameras.len(), ErrorMeasure::Mass, s.settings.prune_contribution);
+    let pixels = pixel_sizes(s.model, s.cameras);
+    let grows = s.timing.grows && s.timing.use_statistics;
+    let high_error =
+        if grows { scores.high_error(s.settings.quantile) } else { vec![false; s.model.num_splats()] };
+    let mut counts = DensityCounts::default();
+    let Some(mut planned) = survivors(s, &scores, &pixels, s.timing.opacity_floor, &mut counts) else {
+        return Revision::none(s);
+    };
+    let mut bands = Vec::new();
+    for planned in planned.iter_mut().flatten() {
+        let splat = planned.source as usize;
+        bands.extend(band::judge(s, &scores, planned, &mut counts).map(|_| splat));
+        let may_coarsen = s.timing.may_coarsen && s.timing.use_statistics;
+        map::fit(s, may_coarsen && !high_error[splat], true, planned, &mut counts);
+    }
+    map::coarsen_to_budget(s, &scores, &mut planned, &mut counts);
+    let mut offers = Vec::new();
+    if grows {
+        for planned in planned.iter_mut().flatten() {
+            let splat = planned.source as usize;
+            let found = offers_of(s, planned, high_error[splat], bands.binary_search(&splat).is_ok(), pixels[splat]);
+            offers.extend(found.into_iter().map(|(kind, parts)| {
+                let weight = s.settings.gain_of(kind as usize) * scores.error[splat] / cost(planned, &parts);
+                Offer { splat, kind, parts, weight }
+            }));
+        }
+        offers.retain(|offer| offer.weight > 0.0);
+    }
+    let mut plan = Plan::new(planned, s.budget);
+    take(s, offers, &mut plan, &mut counts);
+    plan.finish(s.model, counts)
+}
+
+/// What a splat could become. The ceiling of a map that cannot be refined yet is raised, which costs nothing.
+fn offers_of(
+    s: &Situation<'_>,
+    planned: &mut PlannedSplat,
+    is_high_error: bool,
+    may_gain_band: bool,
+    pixel: f64,
+) -> Vec<(Kind, Vec<PlannedSplat>)> {
+    let mut offers = Vec::new();
+    if let Some(refined) = is_high_error.then(|| map::refined(s, Moments::Scaled, planned)).flatten() {
+        match refined.texels > planned.texels {
+            true => offers.push((Kind::Refined, vec![refined])),
+            false => *planned = refined,
+        }
+    }
+    if may_gain_band {
+        offers.push((Kind::Band, vec![band::gained(planned)]));
+    }
+    // Halves take their parts of the map as it is.
+    if s.components.splitting && !planned.change.is_coarser() {
+        let long = |texels| split_long(s, Profile::Tight, planned, pixel, texels);
+        let split = match s.timing.split_texels {
+            None => Some((Kind::Split, split_any(s, Profile::Tight, planned))),
+            Some(texels) => (long(texels).filter(|_| is_high_error).map(|halves| (Kind::Split, halves)))
+                .or_else(|| long(RESPAWN_TEXELS).filter(|_| is_high_error).map(|halves| (Kind::Respawn, halves))),
+        };
+        offers.extend(split.map(|(kind, halves)| (kind, halves.to_vec())));
+    }
+    offers
+}
+
+/// Takes the best offers, at most one for a splat, as far as budget and timetable allow.
+fn take(s: &Situation<'_>, offers: Vec<Offer>, plan: &mut Plan, counts: &mut DensityCounts) {
+    let order = match s.settings.drawn && s.timing.split_texels.is_none() {
+        true => draw_order(offers.iter().map(|offer| offer.weight), s.seed ^ 1),
+        false => {
+            let mut order: Vec<usize> = (0..offers.len()).collect();
+            let rank = |i: usize| (offers[i].kind == Kind::Respawn, -offers[i].weight);
+            order.sort_by(|&a, &b| rank(a).0.cmp(&rank(b).0).then(rank(a).1.total_cmp(&rank(b).1)).then(a.cmp(&b)));
+            order
+        }
+    };
+    let mut is_served = vec![false; s.model.num_splats()];
+    let mut is_refused = is_served.clone();
+    for place in order {
+        let Offer { splat, kind, ref parts, .. } = offers[place];
+        let may_split = counts.split + counts.respawned < s.timing.max_splits;
+        let has_room = match kind {
+            Kind::Split => may_split,
+            Kind::Respawn => may_split && plan.num_splats() < s.initial_splats,
+            Kind::Refined | Kind::Band => true,
+        };
+        if is_served[splat] || !has_room {
+            continue;
+        }
+        if !plan.replace(splat, parts) {
+            is_refused[splat] = true;
+            continue;
+        }
+        is_served[splat] = true;
+        *match kind {
+            Kind::Split => &mut counts.split,
+            Kind::Respawn => &mut counts.respawned,
+            Kind::Refined => &mut counts.refined,
+            Kind::Band => &mut counts.bands_gained,
+        } += 1;
+    }
+    counts.over_budget += (0..is_served.len()).filter(|&splat| is_refused[splat] && !is_served[splat]).count();
+}
