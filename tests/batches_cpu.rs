@@ -13,7 +13,7 @@ use litetex_gs::camera::Camera;
 use litetex_gs::cpu::CpuBackend;
 use litetex_gs::model::{AdamState, LearningRates, Model};
 use litetex_gs::train::{
-    Control, NO_SNAPSHOT, StopReason, Policy, TrainConfig, TrainEvent, TrainState, checkpoint, train,
+    Control, NO_SNAPSHOT, Policy, StopReason, TrainConfig, TrainEvent, TrainState, checkpoint, train,
 };
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result};

@@ -4,7 +4,7 @@
 use super::init_source::InitSource;
 use super::profile::Profile;
 use crate::capture::LoadOptions;
-use crate::train::{Exposure, Policy, TrainConfig};
+use crate::train::{Exposure, TrainConfig};
 use crate::{Error, Result, input_file};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -205,7 +205,9 @@ impl RunConfig {
         if let Some(profile) = Profile::of(t.policy).filter(|&profile| profile != self.profile) {
             // Other settings of these methods are the profile's.
             let name = profile.name();
-            return Err(format!("train.policy: {name} is part of the profile of that name: choose --profile {name}"));
+            return Err(format!(
+                "train.policy: {name} is part of the profile of that name: choose --profile {name}"
+            ));
         }
         if t.random_background && t.background != [0.0; 3] {
             return Err("train.random-background: needs train.background = [0, 0, 0]".to_owned());

@@ -171,13 +171,8 @@ mod tests {
         };
         for profile in [Profile::Paper, Profile::Authors, Profile::Cat] {
             let density = density(profile);
-            let ours = [
-                density.sh_below,
-                density.sh_raise,
-                density.grow_by_axis,
-                density.prune_db,
-                density.need_db,
-            ];
+            let ours =
+                [density.sh_below, density.sh_raise, density.grow_by_axis, density.prune_db, density.need_db];
             assert_eq!(ours, [0.0; 5]);
         }
         assert_eq!(density(Profile::Default), DensityConfig::default());

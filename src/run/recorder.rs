@@ -9,9 +9,9 @@ use crate::backend::{RenderedImage, StepReport};
 use crate::eval::Evaluation;
 use crate::text::counted;
 use crate::train::checkpoint;
-use crate::train::{Schedule, StopReason, TrainEvent, TrainHistory, TrainState};
+use crate::train::{StopReason, TrainEvent, TrainHistory, TrainState};
 use crate::verify::{CAMERAS_KEY, CaptureIdentity, IDENTITY_KEY, cameras_json};
-use crate::views::{Split, ViewSource};
+use crate::views::ViewSource;
 use crate::{Error, Report, Result, Warning, atomic_file, input_file};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -114,14 +114,8 @@ impl<'a> Recorder<'a> {
                 .metric(json!({ "event": "started", "step": step, "steps": steps, "device": device,
                     "train_views": train_views, "test_views": test_views })),
             TrainEvent::Step { .. } => self.step(event),
-            TrainEvent::DensityControl {
-                step,
-                counts,
-                size,
-                render_scale,
-                texture_cap,
-                wall_secs,
-            } => self.metric(json!({ "event": "density-control", "step": step, "counts": counts,
+            TrainEvent::DensityControl { step, counts, size, render_scale, texture_cap, wall_secs } => self
+                .metric(json!({ "event": "density-control", "step": step, "counts": counts,
                 "splats": size.splats, "texels": size.texels, "params": size.params,
                 "render_scale": render_scale,
                 "texture_cap": texture_cap, "wall_secs": wall_secs })),

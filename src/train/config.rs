@@ -182,6 +182,14 @@ impl TrainConfig {
         self.policy.spec().rule == Rule::Litetex && self.budget.max_params.is_some()
     }
 
+    /// Settings of density control that were changed, but that the policy does not use in this run.
+    pub fn unused_settings(&self) -> Vec<&'static str> {
+        let value = |config: &DensityConfig| serde_json::to_value(config).unwrap_or_default();
+        let (mine, defaults) = (value(&self.density), value(&DensityConfig::default()));
+        let unused = self.policy.spec().rule.unused(self.splits_any_length()).iter().copied();
+        unused.filter(|&name| mine[name] != defaults[name]).collect()
+    }
+
     /// The parts that are on, less those that the policy excludes.
     pub fn active_components(&self) -> Components {
         let mut components = self.components;

@@ -22,11 +22,11 @@ mod targets;
 mod window;
 
 pub use config::{Backdrop, Exposure, RateConfig, TrainConfig};
+pub use density::{FirstMap, Policy, PolicySpec, Rule, policies};
 pub use evaluate::{Evaluated, evaluate};
 pub use events::{Control, SizeFigures, StopReason, TrainEvent};
 pub use exposure::Exposures;
 pub use limits::check_limits;
-pub use density::{FirstMap, Policy, PolicySpec, Rule, policies};
 pub use prune::Pruned;
 pub use run::{NO_SNAPSHOT, Sink, train};
 pub use schedule::Schedule;

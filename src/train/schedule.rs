@@ -83,7 +83,11 @@ impl Schedule {
             prune_until: at(f64::from(until) + PRUNE_STEPS).max(at(PRUNE_UNTIL)),
             full_size_from: at(config.scheduler.until.into()),
             coarsen_interval: at(1_000.0),
-            crop_interval: if density_interval >= 100 && matches!(rule, Rule::Paper(_)) { density_interval * 2 / 5 } else { 0 },
+            crop_interval: if density_interval >= 100 && matches!(rule, Rule::Paper(_)) {
+                density_interval * 2 / 5
+            } else {
+                0
+            },
             density_end: config.steps.saturating_sub(at(1_000.0)),
             patience: (patience as u16).max(if c.patience_steps == 0 { 1 } else { 2 }),
         }
@@ -162,7 +166,11 @@ impl Schedule {
             let end = until.min(self.density_end);
             (end / self.density_interval).saturating_sub((self.density_start - 1) / self.density_interval)
         };
-        let mut out = Vec::new();
+        let mut out: Vec<String> = config
+            .unused_settings()
+            .into_iter()
+            .map(|name| format!("density.{name}: the policy {} does not use it here", config.policy))
+            .collect();
         let densifying = checks_until(self.densify_until);
         if densifying == 0 && (parts.growth || parts.splitting || config.policy == Policy::Plain) {
             out.push(format!(
@@ -264,12 +272,10 @@ mod tests {
         let has_pruned = [21_000, 21_001, 30_000].map(|step| schedule.has_pruned(step));
         assert_eq!(has_pruned, [false, true, true], "maps are fitted before the round of the same step");
         // Two rounds where probes of all views cost more than a thirtieth of the steps.
-        assert_eq!(of(1_000, 44), [(725, 2), (825, 1)]);
+        assert_eq!(of(1_000, 44), [(750, 2), (800, 1)]);
         let off = TrainConfig::default();
-        let off = TrainConfig {
-            density: DensityConfig { prune_db: 0.0, ..off.density },
-            ..TrainConfig::default()
-        };
+        let off =
+            TrainConfig { density: DensityConfig { prune_db: 0.0, ..off.density }, ..TrainConfig::default() };
         let schedule = Schedule::new(&off, 100);
         assert!(!schedule.has_pruned(30_000));
         assert_eq!(of(30, 44), [], "too short");
@@ -301,17 +307,27 @@ mod tests {
         // An epoch of few views does not bring more steps of density control; `plain` keeps its own bound.
         let paper = DensityConfig { interval: 250, ..DensityConfig::default() };
         let of = |policy, density| TrainConfig { steps: 1_000, policy, density, ..config.clone() };
-        let intervals = |config: &TrainConfig| [3, 43, 300].map(|views| Schedule::new(config, views).density_interval);
+        let intervals =
+            |config: &TrainConfig| [3, 43, 300].map(|views| Schedule::new(config, views).density_interval);
         assert_eq!(intervals(&of(Policy::Litetex, DensityConfig::default())), [17, 25, 25]);
         assert_eq!(intervals(&of(Policy::Plain, DensityConfig::default())), [3, 25, 25]);
         assert_eq!(intervals(&of(Policy::Paper, paper.clone())), [33, 43, 50]);
         let long = TrainConfig { steps: 30_000, ..of(Policy::Paper, paper) };
         let cropping = |config: &TrainConfig| Schedule::new(config, 43).crop_interval;
         assert_eq!([&config, &long].map(cropping), [0, 100]);
-        let tiny = TrainConfig { steps: 60, ..config.clone() };
+        let tiny = TrainConfig { steps: 30, ..config.clone() };
         let inactive = Schedule::new(&tiny, 43).inactive(&tiny);
         assert!(inactive.len() == 3 && inactive[0].starts_with("growth"), "{inactive:?}");
         assert!(inactive.iter().any(|what| what.starts_with("pruning after growth")), "{inactive:?}");
+        let unused = |policy, budget| {
+            let density = DensityConfig { quantile: 0.7, split_texels: [9.0; 2], ..DensityConfig::default() };
+            let config = TrainConfig { policy, budget, density, ..config.clone() };
+            let inactive = Schedule::new(&config, 43).inactive(&config);
+            inactive.iter().filter(|what| what.starts_with("density.")).count()
+        };
+        let budget = Budget { max_params: Some(1_000_000), ..Budget::default() };
+        assert_eq!([Budget::default(), budget].map(|budget| unused(Policy::Litetex, budget)), [0, 1]);
+        assert_eq!([Policy::Plain, Policy::Paper].map(|policy| unused(policy, budget)), [2, 0]);
         assert!(short.is_density_step(25) && !short.is_density_step(26));
         assert!(!short.is_density_step(301) && short.density_end == 290);
         assert_eq!((published.patience, published.densify_until), (20, 15_000));

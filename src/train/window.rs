@@ -97,7 +97,13 @@ impl DensityControl<'_> {
         let has_budget = config.budget.max_splats.or(config.budget.max_params).is_some();
         let split_share = match spec.rule {
             // Without a budget the number of splats stays the same.
-            Rule::Plain => if has_budget { SPLIT_RATE } else { 0.0 },
+            Rule::Plain => {
+                if has_budget {
+                    SPLIT_RATE
+                } else {
+                    0.0
+                }
+            }
             Rule::Litetex if config.splits_any_length() => SPLIT_RATE,
             Rule::Litetex | Rule::Paper(_) if !components.scheduler => UNSCHEDULED_SPLIT_RATE,
             Rule::Litetex | Rule::Paper(_) => state.pace.rate(n, share, self.stage.render_scale),
@@ -125,7 +131,9 @@ impl DensityControl<'_> {
         let budget = match spec.rule {
             Rule::Plain => schedule.budget(config, step),
             // Only the user's budget is spent evenly over time: the device is a bound, not a budget.
-            Rule::Litetex | Rule::Paper(_) => schedule.budget(config, step).paced(share, &start, &model.size()),
+            Rule::Litetex | Rule::Paper(_) => {
+                schedule.budget(config, step).paced(share, &start, &model.size())
+            }
         };
         let situation = Situation {
             model,

@@ -147,9 +147,8 @@ pub fn tensors(state: &TrainState) -> BTreeMap<String, Tensor<'_>> {
     let TrainState { step, epochs, epoch_used, stage_step, revised_step, .. } = *state;
     let counters = vec![step, epochs, epoch_used, stage_step, revised_step];
     put("state.counters", Tensor::u32(&[5], counters));
-    let fields = |l: &SplatHistory| {
-        [l.ceiling, l.prune_count, l.checks, l.band_checks, l.bands_settled.into()]
-    };
+    let fields =
+        |l: &SplatHistory| [l.ceiling, l.prune_count, l.checks, l.band_checks, l.bands_settled.into()];
     let histories = state.histories.iter().flat_map(fields).collect();
     put("state.histories", Tensor::new(&[state.histories.len(), 5], Data::U16(histories)));
     put("state.view_losses", Tensor::f32(&[state.view_losses.len()], &state.view_losses));

@@ -238,7 +238,7 @@ fn errors_name_the_tensor_what_was_found_and_what_was_expected() {
     );
     assert_eq!(
         message(edited(&bytes, "extra", Some((Dtype::U8, vec![1], vec![0])))),
-        "x.safetensors: tensor \"extra\" is not part of \"litetex-checkpoint/12\""
+        "x.safetensors: tensor \"extra\" is not part of \"litetex-checkpoint/13\""
     );
     let same_shape = Some((Dtype::F32, vec![4, 3], vec![0; 48]));
     assert!(message(edited(&bytes, "splats.positions", same_shape)).contains("checksum"));
@@ -281,6 +281,6 @@ fn other_layouts_are_unsupported_not_invalid() {
     assert_eq!(
         error.to_string(),
         "x.safetensors: layout \"litetex-checkpoint/1\" (written by litetex 9.0.0), this program reads \
-         \"litetex-checkpoint/12\""
+         \"litetex-checkpoint/13\""
     );
 }

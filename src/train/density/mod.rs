@@ -23,9 +23,9 @@ pub use geometry::{
 pub use history::SplatHistory;
 pub use need::Growth;
 pub use ops::coarse::Coarsening;
-pub use rule::SPLIT_RATE;
 pub use ops::regrid::{cropped as cropped_map, window as map_window};
 pub use policy::{FirstMap, Policy, PolicySpec, Rule, policies};
+pub use rule::SPLIT_RATE;
 pub use settings::{Budget, Components, DensityConfig};
 pub use situation::{DensityCounts, Revision, Situation, Timing};
 pub use sizes::MapRule;

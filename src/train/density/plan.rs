@@ -125,10 +125,7 @@ impl Plan {
 
 /// The plan, and the histories in its order; no plan if nothing changes. New splats are stored along a Morton
 /// curve (method 6.11).
-fn finish(
-    model: &Model,
-    mut planned_splats: Vec<PlannedSplat>,
-) -> (Option<DensityPlan>, Vec<SplatHistory>) {
+fn finish(model: &Model, mut planned_splats: Vec<PlannedSplat>) -> (Option<DensityPlan>, Vec<SplatHistory>) {
     let n = model.num_splats();
     let same_splats = planned_splats.len() == n && planned_splats.iter().all(|d| d.edit.is_none());
     let same_maps = planned_splats.iter().all(|d| d.change == MapChange::Keep);

@@ -100,6 +100,27 @@ pub enum Rule {
 const FEWEST_STEPS: u32 = 35;
 
 impl Rule {
+    /// Settings of density control that the rule does not use, by name.
+    pub fn unused(self, splits_any_length: bool) -> &'static [&'static str] {
+        match self {
+            Self::Litetex if splits_any_length => &["split-texels"],
+            Self::Litetex => &[],
+            Self::Paper(_) => &["need-db", "sh-raise", "sh-trial-steps"],
+            Self::Plain => &[
+                "need-db",
+                "quantile",
+                "min-texel-px",
+                "alpha-texture",
+                "coarsen-below",
+                "grow-by-axis",
+                "split-texels",
+                "prune-contribution",
+                "prune-area",
+                "patience-steps",
+            ],
+        }
+    }
+
     /// Least steps between density-control steps of a run of `steps`: an epoch, within bounds.
     pub fn least_interval(self, steps: u32, train_views: usize) -> u32 {
         let fewest = (steps / 30).clamp(1, FEWEST_STEPS);

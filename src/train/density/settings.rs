@@ -115,15 +115,6 @@ pub struct DensityConfig {
     /// Opacity below which splats fade, or are relocated (`plain`): at step 0 and at the last, linear in between. Default: what the
     /// policy says.
     pub opacity_floor: Option<[f64; 2]>,
-    pub drawn: bool,
-    pub gain_refined: f64,
-    pub gain_band: f64,
-}
-
-impl DensityConfig {
-    pub fn gain_of(&self, kind: usize) -> f64 {
-        [1.0, 1.0, self.gain_refined, self.gain_band][kind]
-    }
 }
 
 impl Default for DensityConfig {
@@ -152,9 +143,6 @@ impl Default for DensityConfig {
             prune_area: 5e-5,
             patience_steps: 2_000,
             opacity_floor: None,
-            drawn: false,
-            gain_refined: 0.25,
-            gain_band: 1.0,
         }
     }
 }

@@ -16,10 +16,10 @@ use super::density::{MapRule, SplatHistory};
 use super::exposure::Exposures;
 use super::schedule::Schedule;
 use super::targets::Targets;
+use crate::Result;
 use crate::backend::{Backend, ColourMap, TargetImage};
 use crate::model::{AdamState, Model};
 use crate::views::ViewSource;
-use crate::Result;
 use accept::threshold_for;
 use costs::SplatCosts;
 use error::mean_squared_error;
@@ -148,7 +148,7 @@ impl Round {
             by_need: density.need_db > 0.0,
             rounds_left: schedule.rounds_left(step),
             step,
-            probes: std::env::var("LITETEX_PROBES").ok().and_then(|v| v.parse().ok()).unwrap_or(MOST_PROBES),
+            probes: MOST_PROBES,
             keeps_maps,
             background: config.background,
             sh_degree: schedule.sh_degree(step, config.sh_degree),
@@ -214,8 +214,14 @@ impl Round {
         };
         // What the model may lose before it is no longer good enough: merges have what these offers leave.
         let slack = CUT_SLACK * (self.good_enough() - error).max(0.0);
-        let cut =
-            self.cut(backend, training, before, &offers, (&may_go, threshold, error, slack), (&order, &checked))?;
+        let cut = self.cut(
+            backend,
+            training,
+            before,
+            &offers,
+            (&may_go, threshold, error, slack),
+            (&order, &checked),
+        )?;
         let (mut outcome, plan) = cut.map_or((None, None), |(outcome, plan)| (Some(outcome), plan));
         let is_cut = plan.is_some();
         let sources = plan.map_or_else(|| (0..probed.num_splats() as u32).collect(), |plan| plan.sources);

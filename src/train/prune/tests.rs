@@ -81,7 +81,8 @@ fn images_change_as_predicted() {
     let mut saved = 0;
     // At higher thresholds, what bands and maps lose together no longer adds up.
     for threshold in [1e-9, 1e-8, 1e-7, 1e-6] {
-        let (params, changed, predicted) = measured(&scene, &accept(&offers, &none, &Thresholds::all(threshold)));
+        let (params, changed, predicted) =
+            measured(&scene, &accept(&offers, &none, &Thresholds::all(threshold)));
         println!("threshold {threshold:e}: {params} parameters, {changed:.3e}, predicted {predicted:.3e}");
         assert!(params >= saved, "a higher threshold prunes more");
         saved = params;
@@ -126,7 +127,8 @@ fn removal_costs_what_is_predicted_in_bright_scenes() {
     let some: Vec<bool> = (0..40).map(|splat| splat % 8 == 0).collect();
     let mut ratio = |exposure: ColourMap| {
         let offers = probed_offers(&scene, &mut backend, &exposure);
-        let (_, changed, predicted) = measured(&scene, &accept(&offers, &some, &Thresholds::all(1.0).only(0)));
+        let (_, changed, predicted) =
+            measured(&scene, &accept(&offers, &some, &Thresholds::all(1.0).only(0)));
         println!("removal: {changed:.3e}, predicted {predicted:.3e}");
         predicted / changed
     };

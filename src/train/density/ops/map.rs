@@ -85,11 +85,8 @@ pub fn fit(
         stretch(map, planned);
         return;
     }
-    let grids = if may_coarsen && coarsens {
-        coarser_grids(s, planned.source as usize)
-    } else {
-        [Grid::Same; 2]
-    };
+    let grids =
+        if may_coarsen && coarsens { coarser_grids(s, planned.source as usize) } else { [Grid::Same; 2] };
     let is_coarser = grids.map(|grid| grid == Grid::Coarser);
     counts.coarsened += usize::from(is_coarser.contains(&true));
     if s.timing.may_pad {

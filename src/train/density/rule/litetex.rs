@@ -1,5 +1,5 @@
 //! Growth of `litetex`, and of the policies that differ from it only in their maps (method 6.6): all that a splat could become,
-//! a split, a finer map or another SH band, competes by the error that it is expected to remove per parameter.
+//! split, with a finer map or another SH band, is drawn by the error that it is expected to remove per parameter.
 
 use super::survivors;
 use crate::train::density::draw::draw_order;
@@ -11,8 +11,19 @@ use crate::train::density::plan::{Plan, PlannedSplat, cost};
 use crate::train::density::situation::{DensityCounts, Revision, Situation};
 use crate::train::density::stats::{ErrorMeasure, Scores};
 
+/// The share of a splat's error that a finer map is expected to remove, and the share that another SH band is, over the share that
+/// a split removes (method 6.6).
+const REFINED_GAIN: f64 = 0.25;
+const BAND_GAIN: f64 = 1.0;
+
 /// Length in finest texels above which a splat may be split to replace a pruned one. Not measured.
 const RESPAWN_TEXELS: f64 = 2.0;
+
+/// Weight of such splits over that of others: they come last.
+const RESPAWN_WEIGHT: f64 = 1e-6;
+
+/// Makes the seed of the draw another than those of other draws of the step.
+const DRAW_STREAM: u64 = 1;
 
 /// An offer: what a splat could become.
 struct Offer {
@@ -21,7 +32,7 @@ struct Offer {
     kind: Kind,
     /// The splat with a finer map or another band, or its halves.
     parts: Vec<PlannedSplat>,
-    /// Error that it is expected to remove per parameter, in shares of what a split removes.
+    /// In proportion to the error that it is expected to remove per parameter.
     weight: f64,
 }
 
@@ -34,9 +45,22 @@ enum Kind {
     Band,
 }
 
+impl Kind {
+    /// The share of a splat's error that it removes, over the share that a split removes.
+    fn gain(self) -> f64 {
+        match self {
+            Self::Split => 1.0,
+            Self::Respawn => RESPAWN_WEIGHT,
+            Self::Refined => REFINED_GAIN,
+            Self::Band => BAND_GAIN,
+        }
+    }
+}
+
 /// Decides a density-control step.
 pub fn revise(s: &Situation<'_>) -> Revision {
-    let scores = Scores::new(s.statistics, s.cameras.len(), ErrorMeasure::Mass, s.settings.prune_contribution);
+    let scores =
+        Scores::new(s.statistics, s.cameras.len(), ErrorMeasure::Mass, s.settings.prune_contribution);
     let pixels = pixel_sizes(s.model, s.cameras);
     let grows = s.timing.grows && s.timing.use_statistics;
     let high_error =
@@ -57,16 +81,17 @@ pub fn revise(s: &Situation<'_>) -> Revision {
     if grows {
         for planned in planned.iter_mut().flatten() {
             let splat = planned.source as usize;
-            let found = offers_of(s, planned, high_error[splat], bands.binary_search(&splat).is_ok(), pixels[splat]);
+            let found =
+                offers_of(s, planned, high_error[splat], bands.binary_search(&splat).is_ok(), pixels[splat]);
             offers.extend(found.into_iter().map(|(kind, parts)| {
-                let weight = s.settings.gain_of(kind as usize) * scores.error[splat] / cost(planned, &parts);
+                let weight = kind.gain() * scores.error[splat] / cost(planned, &parts);
                 Offer { splat, kind, parts, weight }
             }));
         }
         offers.retain(|offer| offer.weight > 0.0);
     }
     let mut plan = Plan::new(planned, s.budget);
-    take(s, offers, &mut plan, &mut counts);
+    take(s, &offers, &mut plan, &mut counts);
     plan.finish(s.model, counts)
 }
 
@@ -93,28 +118,22 @@ fn offers_of(
         let long = |texels| split_long(s, Profile::Tight, planned, pixel, texels);
         let split = match s.timing.split_texels {
             None => Some((Kind::Split, split_any(s, Profile::Tight, planned))),
-            Some(texels) => (long(texels).filter(|_| is_high_error).map(|halves| (Kind::Split, halves)))
-                .or_else(|| long(RESPAWN_TEXELS).filter(|_| is_high_error).map(|halves| (Kind::Respawn, halves))),
+            Some(_) if !is_high_error => None,
+            Some(texels) => {
+                let short = || long(RESPAWN_TEXELS).map(|halves| (Kind::Respawn, halves));
+                long(texels).map(|halves| (Kind::Split, halves)).or_else(short)
+            }
         };
         offers.extend(split.map(|(kind, halves)| (kind, halves.to_vec())));
     }
     offers
 }
 
-/// Takes the best offers, at most one for a splat, as far as budget and timetable allow.
-fn take(s: &Situation<'_>, offers: Vec<Offer>, plan: &mut Plan, counts: &mut DensityCounts) {
-    let order = match s.settings.drawn && s.timing.split_texels.is_none() {
-        true => draw_order(offers.iter().map(|offer| offer.weight), s.seed ^ 1),
-        false => {
-            let mut order: Vec<usize> = (0..offers.len()).collect();
-            let rank = |i: usize| (offers[i].kind == Kind::Respawn, -offers[i].weight);
-            order.sort_by(|&a, &b| rank(a).0.cmp(&rank(b).0).then(rank(a).1.total_cmp(&rank(b).1)).then(a.cmp(&b)));
-            order
-        }
-    };
+/// Takes offers as they are drawn, at most one for a splat, as far as budget and timetable allow.
+fn take(s: &Situation<'_>, offers: &[Offer], plan: &mut Plan, counts: &mut DensityCounts) {
     let mut is_served = vec![false; s.model.num_splats()];
     let mut is_refused = is_served.clone();
-    for place in order {
+    for place in draw_order(offers.iter().map(|offer| offer.weight), s.seed ^ DRAW_STREAM) {
         let Offer { splat, kind, ref parts, .. } = offers[place];
         let may_split = counts.split + counts.respawned < s.timing.max_splits;
         let has_room = match kind {
@@ -137,5 +156,6 @@ fn take(s: &Situation<'_>, offers: Vec<Offer>, plan: &mut Plan, counts: &mut Den
             Kind::Band => &mut counts.bands_gained,
         } += 1;
     }
-    counts.over_budget += (0..is_served.len()).filter(|&splat| is_refused[splat] && !is_served[splat]).count();
+    counts.over_budget +=
+        (0..is_served.len()).filter(|&splat| is_refused[splat] && !is_served[splat]).count();
 }

@@ -60,7 +60,8 @@ fn grow(
 ) {
     let Some(&planned) = plan.splat(splat) else { return };
     let refined = map::refined(s, variant.moments, &planned);
-    let longer_than = s.timing.split_texels.filter(|_| s.components.splitting && counts.split < s.timing.max_splits);
+    let longer_than =
+        s.timing.split_texels.filter(|_| s.components.splitting && counts.split < s.timing.max_splits);
     if let Some([first, second]) =
         longer_than.and_then(|texels| split_long(s, Profile::Paper, &planned, pixel, texels))
     {

@@ -69,11 +69,11 @@ fn what_removes_most_error_per_parameter_comes_first() {
     let config = DensityConfig { coarsen_below: 0.0, ..settings() };
     // Idle maps are dropped by one rule, unless texels are young.
     let timing = Timing { texels_trained: false, ..TIMING };
-    let refined = |rule: fn(&Situation<'_>) -> Revision, more: Option<usize>| {
+    let refined = |rule: fn(&Situation<'_>) -> Revision, more: Option<usize>, seed: u64| {
         let max_texels = more.map(|more| mixed.num_texels() + more);
         let budget = Budget { max_texels, ..Budget::default() };
         let s = situation(&mixed, &histories, &statistics, &cameras, &config);
-        let plan = rule(&Situation { budget, timing, ..s }).plan.unwrap();
+        let plan = rule(&Situation { budget, timing, seed, ..s }).plan.unwrap();
         let added = |i: usize| match plan.maps[i] {
             MapChange::Regrid { grids: [Grid::Finer, Grid::Finer], rows, cols, .. } => {
                 Some((i, usize::from(rows) * usize::from(cols) - mixed.textures.maps[i].num_texels()))
@@ -82,19 +82,23 @@ fn what_removes_most_error_per_parameter_comes_first() {
         };
         (0..N).filter_map(added).collect::<Vec<_>>()
     };
-    let both = refined(litetex::revise, None);
+    let both = refined(litetex::revise, None, 0);
     let &[(5, large), (7, small)] = &both[..] else { panic!("{both:?}") };
     assert!(small < large);
     // The budget allows one of the two.
-    assert_eq!(refined(litetex::revise, Some(large)), [(7, small)]);
+    let drawn = |seed| refined(litetex::revise, Some(large), seed)[0].0;
+    let sevens = (0..100).filter(|&seed| drawn(seed) == 7).count();
+    let share = 0.5 / small as f64 / (0.5 / small as f64 + 0.9 / large as f64);
+    // Standard deviation 0.05 at most.
+    assert!(share > 0.6 && (sevens as f64 / 100.0 - share).abs() < 0.15, "{sevens} of 100, {share}");
     // Negative control: by error alone the large map takes the whole budget.
-    assert_eq!(refined(revise_as_paper, Some(large)), [(5, large)]);
+    assert_eq!(refined(revise_as_paper, Some(large), 0), [(5, large)]);
 }
 
 #[test]
 fn splits_finer_maps_and_bands_compete() {
     let (mut model, cameras) = (model(2), [camera()]);
-    model.splats.set_sh_degrees(&[1; N]);
+    model.splats.set_sh_degrees(&std::array::from_fn::<u8, N, _>(|i| u8::from(i == 0)));
     // The first band of splat 0 changes its colour by 0.3.
     let sh = model.splats.sh_offsets()[0] as usize;
     model.splats.sh[sh + 3] = 0.3 * (12.0 * std::f32::consts::PI).sqrt();
@@ -103,19 +107,27 @@ fn splits_finer_maps_and_bands_compete() {
     let config =
         DensityConfig { coarsen_below: 0.0, quantile: 0.0, sh_below: 1e-6, sh_raise: 0.2, ..settings() };
     let timing = Timing { sh_tested: 3, sh_trial_checks: 4, split_texels: None, ..TIMING };
-    let counts = |errors: [f32; N], timing: Timing, more: usize| {
+    // How often of 200 times, with room for one of each.
+    let counts = |error_of_0: f32, timing: Timing, more: usize| {
         let budget = Budget { max_params: Some(model.num_params() + more), ..Budget::default() };
+        let mut errors = std::array::from_fn(|i| 0.5 + 0.01 * i as f32);
+        errors[0] = error_of_0;
         let statistics = window(errors);
-        let s = situation(&model, &histories, &statistics, &cameras, &config);
-        let counts = litetex::revise(&Situation { timing, budget, ..s }).counts;
-        [counts.split, counts.refined, counts.bands_gained]
+        let s = Situation { timing, budget, ..situation(&model, &histories, &statistics, &cameras, &config) };
+        let mut sums = [0; 3];
+        for seed in 0..200 {
+            let counts = litetex::revise(&Situation { seed, ..s }).counts;
+            let counts = [counts.split, counts.refined, counts.bands_gained];
+            sums.iter_mut().zip(counts).for_each(|(sum, count)| *sum += count);
+        }
+        sums
     };
-    // A split and a refined map cost 36 parameters each, a band 15.
-    let mut errors = [0.5; N];
-    assert_eq!(counts(errors, timing, 15), [0, 0, 1], "the cheapest");
-    assert_eq!(counts(errors, timing, 36 + 15), [1, 0, 1], "a split before a map of equal cost");
-    assert_eq!(counts(errors, Timing { max_splits: 0, ..timing }, 36 + 15), [0, 1, 1]);
-    // Where its splat carries little error, the band comes last.
-    errors[0] = 0.1;
-    assert_eq!(counts(errors, timing, 36), [1, 0, 0]);
+    // A finer map costs 36 parameters, a split 27, a band 15.
+    assert_eq!(counts(0.5, timing, 15), [0, 0, 200], "nothing else fits");
+    let [splits, maps, bands] = counts(5.0, timing, 36);
+    assert!(splits > 3 * maps && maps > 0 && bands > 20, "{splits} {maps} {bands}");
+    // A band of a splat of little error; no splits.
+    assert!(counts(0.05, timing, 36)[2] < bands / 2);
+    let [none, more, _] = counts(0.5, Timing { max_splits: 0, ..timing }, 36);
+    assert!(none == 0 && more > 2 * maps, "{none} {more}");
 }

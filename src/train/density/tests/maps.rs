@@ -57,7 +57,8 @@ fn maps_are_refined_along_the_axis_on_which_they_vary_and_coarsened_along_the_ot
     }
     let grids = |factor: f64| {
         let config = DensityConfig { grow_by_axis: factor, min_texel_px: 0.2, ..settings() };
-        let plan = litetex::revise(&situation(&model, &histories, &statistics, &cameras, &config)).plan.unwrap();
+        let plan =
+            litetex::revise(&situation(&model, &histories, &statistics, &cameras, &config)).plan.unwrap();
         [4, 5].map(|splat| match plan.maps[splat] {
             MapChange::Regrid { grids, moment_scale, .. } => (grids, moment_scale),
             _ => ([Grid::Same; 2], [1.0; 2]),

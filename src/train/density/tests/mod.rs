@@ -110,8 +110,7 @@ const TIMING: Timing = Timing {
 
 /// The published rule.
 fn revise_as_paper(s: &Situation<'_>) -> Revision {
-    let variant =
-        paper::Variant { error: ErrorMeasure::Mean, moments: Moments::Kept, first_ceiling: 2 };
+    let variant = paper::Variant { error: ErrorMeasure::Mean, moments: Moments::Kept, first_ceiling: 2 };
     paper::revise(s, &variant)
 }
 

@@ -41,10 +41,15 @@ fn halves_lie_on_the_parents_grid() {
     let config = DensityConfig { coarsen_below: 0.0, ..settings() };
     let s = situation(&model, &histories, &statistics, &cameras, &config);
     let long = |texels| Timing { split_texels: Some(texels), ..TIMING };
-    // Of both, what removes more error per parameter: here the split.
-    let by_gain = litetex::revise(&Situation { timing: long(8.0), ..s });
-    assert_eq!((by_gain.counts.split, by_gain.counts.refined), (1, 0));
-    assert!(by_gain.histories.iter().all(|history| history.ceiling == 64));
+    // Drawn: more often what removes more error per parameter, here the split.
+    let drawn = |seed| {
+        let counts = litetex::revise(&Situation { timing: long(8.0), seed, ..s }).counts;
+        assert_eq!(counts.split + counts.refined, 1);
+        counts.split
+    };
+    let splits: usize = (0..100).map(drawn).sum();
+    // Refining its map of 16 x 16 costs many times more.
+    assert!(splits > 90, "{splits}");
     assert_eq!(litetex::revise(&s).counts.split, 0, "it is not long");
     // The tight profile shifts by less than the grid allows on this map and would resample.
     let revision = revise_as_paper(&Situation { timing: long(16.0), ..s });
@@ -130,9 +135,6 @@ fn pruned_splats_are_respawned_where_the_error_is() {
         let s = Situation { initial_splats, texture_cap: 2, budget, ..s };
         let Revision { plan, counts, .. } = if is_paper { revise_as_paper(&s) } else { litetex::revise(&s) };
         let plan = plan.unwrap();
-        let mut split: Vec<u32> = plan.edits.iter().map(|e| plan.sources[e.splat as usize]).collect();
-        split.sort_unstable();
-        split.dedup();
         for edit in &plan.edits {
             let parent = plan.sources[edit.splat as usize] as usize;
             let old = &model.splats.log_scales[2 * parent..2 * parent + 2];
@@ -141,17 +143,13 @@ fn pruned_splats_are_respawned_where_the_error_is() {
             let halved = narrower.map(|n| (f64::from(n) * factor - 1.0).abs() < 1e-5);
             assert!(halved[0] != halved[1], "{narrower:?} times narrower than the parent");
         }
-        (plan.sources.len(), counts.faded, counts.respawned, counts.split, split)
+        (plan.sources.len(), counts.faded, counts.respawned, counts.split)
     };
     let none = Budget::default();
-    assert_eq!(
-        revised(N, false, none),
-        (N, 3, 3, 0, vec![9, 10, 11]),
-        "the three of largest error are split"
-    );
-    assert_eq!(revised(N - 2, false, none), (N - 2, 3, 1, 0, vec![11]), "no more than initially");
+    assert_eq!(revised(N, false, none), (N, 3, 3, 0));
+    assert_eq!(revised(N - 2, false, none), (N - 2, 3, 1, 0), "no more than initially");
     let tight = Budget { max_splats: Some(N - 1), ..none };
     assert_eq!(revised(N, false, tight).0, N - 1, "a budget comes first");
     // Negative control: the published method.
-    assert_eq!(revised(N, true, none), (N - 3, 3, 0, 0, vec![]));
+    assert_eq!(revised(N, true, none), (N - 3, 3, 0, 0));
 }

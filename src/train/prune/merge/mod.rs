@@ -11,8 +11,8 @@ use super::costs::SplatCosts;
 use crate::Result;
 use crate::constants::ADAM_BETA2;
 use crate::knn::nearest;
-use glam::DVec3;
 use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TextureMap, TexturePool};
+use glam::DVec3;
 use merged::merged;
 use part::Part;
 use rayon::prelude::*;
@@ -22,8 +22,8 @@ pub use trial::{TRIALS, Trial};
 /// Neighbours of a splat with which it may merge.
 const NEIGHBOURS: usize = 8;
 
-/// Passes of one round: each merges pairs, also of splats that are merged already.
-const PASSES: usize = 3;
+/// Passes at a threshold: each merges pairs, also of splats that are merged already.
+const PASSES: usize = 6;
 
 /// Bounds of merged splats.
 #[derive(Clone, Copy, Debug)]
@@ -72,8 +72,7 @@ impl Parts {
     /// The splats of a model, with what changes of them cost, if that is known, and the width of a pixel at each.
     pub fn of(model: &Model, costs: &[Option<SplatCosts>], pixels: &[f64], limits: Limits) -> Self {
         let part = |splat: usize| Part::of(model, splat, costs[splat], pixels[splat]);
-        let all: Vec<Part> =
-            (0..model.num_splats()).into_par_iter().with_min_len(256).map(part).collect();
+        let all: Vec<Part> = (0..model.num_splats()).into_par_iter().with_min_len(256).map(part).collect();
         let positions: Vec<[f32; 3]> = all.iter().map(|part| part.position.as_vec3().to_array()).collect();
         let neighbours: Vec<Vec<u32>> = nearest::<NEIGHBOURS>(&positions)
             .iter()
@@ -103,9 +102,15 @@ impl Parts {
             }
             let mut is_changed = vec![false; self.all.len()];
             changed.iter().for_each(|&slot| is_changed[slot as usize] = true);
-            joins.retain(|join| !join.slots.iter().any(|&slot| merged.slots[slot as usize] != slot || is_changed[slot as usize]));
+            joins.retain(|join| {
+                !join
+                    .slots
+                    .iter()
+                    .any(|&slot| merged.slots[slot as usize] != slot || is_changed[slot as usize])
+            });
             // Each pair once.
-            let mut pairs: Vec<[u32; 2]> = changed.iter().flat_map(|&slot| merged.pairs_of_all(slot)).collect();
+            let mut pairs: Vec<[u32; 2]> =
+                changed.iter().flat_map(|&slot| merged.pairs_of_all(slot)).collect();
             pairs.sort_unstable();
             pairs.dedup();
             joins.extend(merged.joins(&pairs));
@@ -207,7 +212,11 @@ impl<'a> Merged<'a> {
 
     /// The parts, in the order of their slots.
     fn all(&self) -> Vec<&Part> {
-        (0..).zip(&self.slots).filter(|&(splat, &slot)| splat == slot).map(|(slot, _)| self.part(slot)).collect()
+        (0..)
+            .zip(&self.slots)
+            .filter(|&(splat, &slot)| splat == slot)
+            .map(|(slot, _)| self.part(slot))
+            .collect()
     }
 
     /// Number of splats.
