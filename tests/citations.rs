@@ -1,4 +1,4 @@
-//! Citations in comments and documents lead somewhere: "method 6.2", "choices 2" and "gltf.md, section 9" name
+//! Citations in comments and documents lead somewhere: "method 6.2" and "gltf.md, section 9" name
 //! numbered sections that exist, paths and links name files and headings that exist.
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
@@ -16,9 +16,8 @@ struct Document {
     least: usize,
 }
 
-const DOCUMENTS: [Document; 3] = [
+const DOCUMENTS: [Document; 2] = [
     Document { name: "method", path: "docs/method.md", is_short: true, least: 60 },
-    Document { name: "choices", path: "lab/choices.md", is_short: true, least: 28 },
     Document { name: "gltf.md", path: "exporters/schema/gltf.md", is_short: false, least: 7 },
 ];
 
@@ -184,10 +183,10 @@ fn every_cited_section_exists() {
 
 #[test]
 fn invented_citations_are_detected() {
-    let text = "//! Order (method 2.1,\n//! 2.2 and 99.1), see choices 77; `gltf.md`, section 9 and 12. The\n\
+    let text = "//! Order (method 2.1,\n//! 2.2 and 99.1), see `gltf.md`, section 9 and 12. The\n\
                 # methods 3, method 2DGS and gltf.md 55 cite nothing; (Method, sections 1.4 and 6.99).";
-    assert_eq!(dangling(text), ["method 99.1", "choices 77", "gltf.md 12", "method 6.99"]);
-    assert_eq!(citations(text).len(), 8);
+    assert_eq!(dangling(text), ["method 99.1", "gltf.md 12", "method 6.99"]);
+    assert_eq!(citations(text).len(), 7);
 }
 
 #[test]

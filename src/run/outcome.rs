@@ -207,8 +207,8 @@ fn uncovered_of_training_views(
 fn over_budget(config: &TrainConfig, params: usize) -> Option<String> {
     let most = config.budget.max_params.filter(|&most| params > most)?;
     Some(format!(
-        "the model has {} parameters, more than --budget-params {}: the run ended before its last round of giving \
-         back; give it more time, or fewer --steps",
+        "the model has {} parameters, more than --budget-params {}: the run ended before its last round of \
+         pruning; give it more time, or fewer --steps",
         format_count(params as u64),
         format_count(most as u64)
     ))

@@ -30,7 +30,7 @@ const BYTES_PER_PIXEL: u64 = 66;
 const BYTES_PER_PIXEL_AND_THREAD: u64 = 27;
 /// Bytes per splat of a view in training: projection, its gradient, about eight tile pairs with partial sums.
 const BYTES_PER_SPLAT: u64 = 1600;
-/// More of it where the model gives back: the model before, what its parts cost, merges on trial. Fitted to fox, 300 steps
+/// More of it where the model is pruned: the model before, what its parts cost, merges on trial. Fitted to fox, 300 steps
 /// with 300,000 parameters: `litetex` with up to 25,000 splats 223 MiB, `plain` with up to 39,000 228 MiB.
 const PRUNING_BYTES_PER_SPLAT: u64 = 1400;
 
@@ -76,7 +76,7 @@ pub struct Workload {
     pub cache_limit_bytes: u64,
     /// Memory for decoding as many photos at once as may be decoded at once.
     pub decoding_bytes: u64,
-    /// Whether the model gives back what it does not miss.
+    /// Whether the model is pruned after growth.
     pub is_pruned: bool,
     /// Whether the photos are analysed, and reduced for the first stages.
     pub is_scheduled: bool,
@@ -152,7 +152,7 @@ impl Workload {
         } else {
             EXPECTED_GROWTH * self.splats
         };
-        // Splats give back bands that they do not need, soon after these were trained.
+        // Splats lose bands that they do not need, soon after these were trained.
         let splat_params = self.splat_params.min(splat_params(config.least_sh_degree()) as u64);
         let grown = Self { splat_params, ..*self };
         let texels_each =

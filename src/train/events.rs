@@ -138,7 +138,7 @@ pub enum TrainEvent<'a> {
         /// Time that reading it took.
         wall_secs: f64,
     },
-    /// A problem worth reporting once.
+    /// A problem, reported once.
     Warning(Warning),
     /// The run ended; emitted after the last evaluation and checkpoint.
     Finished {

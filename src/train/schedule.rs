@@ -28,7 +28,7 @@ const STEPS_PER_PROBE: u32 = 30;
 pub struct Schedule {
     /// Steps after which the SH degree in use rises by one (published: 1,000).
     pub sh_interval: u32,
-    /// Steps for which an SH band is trained before it is judged.
+    /// Steps for which an SH band is trained before it is tested.
     pub sh_trial: u32,
     /// Step from which texels are trained (published: 1,000).
     pub texture_start: u32,
@@ -66,7 +66,7 @@ impl Schedule {
         let most = c.interval.max(1);
         let low = rule.least_interval(config.steps, train_views).min(most);
         let density_interval = at(c.interval.into()).clamp(low, most);
-        // To judge growth takes several windows at full image size.
+        // To see whether growth pays takes several windows at full image size.
         let needs = rule == Rule::Litetex && c.need_db > 0.0;
         let until = c.densify_until.unwrap_or(config.policy.spec().densify_until);
         let until = if needs { until.max(NEED_UNTIL) } else { until };
@@ -222,7 +222,7 @@ impl Schedule {
         ((step - 1) / self.sh_interval).min(highest)
     }
 
-    /// Highest SH degree that has been trained long enough to be judged after a step; 0: none.
+    /// Highest SH degree that has been trained long enough to be tested after a step; 0: none.
     pub fn sh_tested(&self, step: u32, highest: u32) -> u32 {
         (step.saturating_sub(self.sh_trial) / self.sh_interval).min(highest)
     }

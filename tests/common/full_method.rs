@@ -120,7 +120,7 @@ impl RunRecord {
 /// Whether every kind of change to splats and maps occurred.
 pub fn is_all_done(counts: &DensityCounts) -> bool {
     let DensityCounts { pruned, faded, split, respawned, refined, coarsened, bands_lost, .. } = *counts;
-    // Nothing is taken back without `need_db`, and budgets need not be tight.
+    // Budgets need not be tight.
     [pruned + faded, split, respawned, refined, coarsened, bands_lost].iter().all(|&c| c > 0)
 }
 

@@ -99,10 +99,10 @@ pub struct DensityConfig {
     /// SH bands of a splat of mean contribution are dropped if they change its colour by less, root mean square over
     /// directions; 0: none. Default 0.01 (method 6.13; not in the paper).
     pub sh_below: f64,
-    /// A splat may gain another SH band if its highest one, once judged, changes its colour by this much, measured as for
+    /// A splat may gain another SH band if its highest one, once tested, changes its colour by this much, measured as for
     /// `sh_below`; 0, or `sh_below` 0: none. Default 0.02 (method 6.13).
     pub sh_raise: f64,
-    /// Steps for which a band is trained before it is judged. Default 7,000 (method 6.13).
+    /// Steps for which a band is trained before it is tested. Default 7,000 (method 6.13).
     pub sh_trial_steps: u32,
     /// Sum over the training views of blending weight per pixel below which the prune count rises. Default 5e-6
     /// (paper, Contribution- and Area-Aware Geometric Management; method 6.3).

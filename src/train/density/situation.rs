@@ -49,13 +49,13 @@ pub struct Timing {
     pub use_statistics: bool,
     /// Whether texels have been trained long enough for their values to mean something.
     pub texels_trained: bool,
-    /// Whether maps are tested for coarsening, and SH bands judged.
+    /// Whether maps are tested for coarsening, and SH bands tested.
     pub may_coarsen: bool,
     /// Whether maps may be padded and resampled: until a round of pruning has taken off what is not needed.
     pub may_pad: bool,
-    /// Highest SH degree that has been trained long enough to be judged; 0: none.
+    /// Highest SH degree that has been trained long enough to be tested; 0: none.
     pub sh_tested: u32,
-    /// Checks after which a band that a splat gained is judged.
+    /// Checks after which a band that a splat gained is tested.
     pub sh_trial_checks: u16,
     /// Highest SH degree that a splat may have.
     pub sh_highest: u32,

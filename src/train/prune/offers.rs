@@ -7,7 +7,7 @@ use crate::model::{AdamState, Model, ModelSize, TEXEL_PARAMS};
 use crate::train::density::{Coarsening, cropped_map, map_window};
 use rayon::prelude::*;
 
-/// Probes that must have seen a splat before it is judged, unless all views are probed.
+/// Probes that must have seen a splat before it may lose anything, unless all views are probed.
 const SEEN_MIN: u32 = 4;
 
 /// Kinds of offers: removal, SH bands and texels.

@@ -19,13 +19,13 @@ pub fn gained(planned: &PlannedSplat) -> PlannedSplat {
 
 /// Drops the highest bands of a splat that save less squared error per float than [`DensityConfig::sh_below`] asks for. Returns
 /// what its highest band saves per float if it may gain another. Bands above [`Timing::sh_tested`], or gained in the last
-/// [`Timing::sh_trial_checks`], are too young to be judged, and stay if the highest one below them does. A splat that no view of
+/// [`Timing::sh_trial_checks`], are too young to be tested, and stay if the highest one below them does. A splat that no view of
 /// the window saw keeps all.
 ///
 /// [`DensityConfig::sh_below`]: crate::train::density::DensityConfig::sh_below
 /// [`Timing::sh_tested`]: crate::train::density::situation::Timing::sh_tested
 /// [`Timing::sh_trial_checks`]: crate::train::density::situation::Timing::sh_trial_checks
-pub fn judge(
+pub fn test(
     s: &Situation<'_>,
     scores: &Scores,
     planned: &mut PlannedSplat,

@@ -72,7 +72,7 @@ pub fn revise(s: &Situation<'_>) -> Revision {
     let mut bands = Vec::new();
     for planned in planned.iter_mut().flatten() {
         let splat = planned.source as usize;
-        bands.extend(band::judge(s, &scores, planned, &mut counts).map(|_| splat));
+        bands.extend(band::test(s, &scores, planned, &mut counts).map(|_| splat));
         let may_coarsen = s.timing.may_coarsen && s.timing.use_statistics;
         map::fit(s, may_coarsen && !high_error[splat], true, planned, &mut counts);
     }

@@ -31,7 +31,7 @@ pub fn revise(s: &Situation<'_>) -> Revision {
     let mut bands = Vec::new();
     for &splat in &alive {
         let mut parent = unchanged(s, splat, pixels[splat]);
-        bands.extend(band::judge(s, &scores, &mut parent, &mut counts).map(|saved| (saved, splat)));
+        bands.extend(band::test(s, &scores, &mut parent, &mut counts).map(|saved| (saved, splat)));
         planned[splat] = Some(parent);
     }
     let mut plan = Plan::new(planned, s.budget);
