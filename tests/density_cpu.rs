@@ -28,7 +28,7 @@ fn every_policy_gives_the_same_bytes_with_any_number_of_threads_and_from_any_che
         let whole = run(&config, start(policy), 2);
         let total = whole.total();
         println!("{policy}: {total:?}");
-        assert!(total.split + total.respawned > 10, "{policy}: {total:?}");
+        assert!(total.split + total.respawned > 5, "{policy}: {total:?}");
         assert!(policy != Policy::Litetex || is_all_done(&total), "{total:?}");
         assert!(same(&run(&config, start(policy), 1).last, &whole.last), "{policy}: one thread");
         // Before, at and after density-control steps, and within statistics windows.
@@ -108,9 +108,10 @@ fn budgets_are_spent_evenly_from_any_initial_size() {
     assert_eq!(after_the_first(size), (size, 0));
 }
 
-/// Settings with which maps always fit and no splat is removed, so that density control can only add.
+/// Settings with which maps always fit and no splat is removed, so that density control can only add: of the published rule, which
+/// drops no map.
 fn adding_only() -> TrainConfig {
-    let mut config = config(Policy::Litetex);
+    let mut config = config(Policy::Paper);
     (config.rates.log_scale, config.rates.opacity) = (0.0, 0.0);
     (config.components.pruning, config.components.coarsening) = (false, false);
     config.density = DensityConfig {
@@ -130,7 +131,7 @@ fn density_control_without_growth_changes_only_histories_and_the_window() {
     let with = |interval: u32, min_texel_px: f64| {
         let mut config = adding_only();
         (config.density.interval, config.density.min_texel_px) = (interval, min_texel_px);
-        run(&config, start(Policy::Litetex), 2)
+        run(&config, start(Policy::Paper), 2)
     };
     // In both, texels are already finer than allowed; in the second, the interval is longer than the run.
     let (idle, none) = (with(250, 1e3), with(3_000_000, 1e3));

@@ -66,6 +66,9 @@ pub fn costs_of(model: &Model, derivatives: &AdamState, splat: usize) -> Costs {
     let transparency = 1.0 / (1.0 + f64::from(model.splats.opacity_logits[splat]).exp());
     let by_logit = f64::from(derivatives.splats_m.opacity_logits[splat]);
     let seen = u32::from(by_logit != 0.0);
+    if seen == 0 {
+        return Costs::default();
+    }
     let mut costs = Costs { seen, removal: (by_logit / transparency).powi(2), ..Costs::default() };
 
     let [sh, by_sh] = [&model.splats, &derivatives.splats_m].map(|splats| splats.sh_of(splat));

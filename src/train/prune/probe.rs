@@ -30,6 +30,9 @@ pub const BETWEEN: ColourMap = {
     ColourMap([[SLOPE, 0.0, 0.0, offset], [0.0, SLOPE, 0.0, offset], [0.0, 0.0, SLOPE, offset]])
 };
 
+/// Width and height of a probe over those of the view.
+const SCALE: f64 = 1.0;
+
 /// A view of a probe.
 pub struct ProbeView<'a> {
     /// Camera of the view.
@@ -67,12 +70,13 @@ pub fn probe_through(
     view: &ProbeView<'_>,
     seed: u64,
 ) -> Result<AdamState> {
-    let target = signs(view.photo, seed);
+    let camera = smaller(&view.camera);
+    let target = signs(view.photo, &camera, seed);
     backend.upload(model, &AdamState::zeros(model))?;
     // With all rates zero, only the moments change.
     backend.steps(&[StepRequest {
         step: 1,
-        camera: view.camera,
+        camera,
         photo: 0,
         target: &target,
         background: view.background,
@@ -90,17 +94,26 @@ pub fn probe_through(
     Ok(moments)
 }
 
-/// A photo of random zeros and ones, with the mask of another.
-fn signs(photo: &TargetImage, seed: u64) -> TargetImage {
+/// The camera with fewer pixels.
+fn smaller(camera: &Camera) -> Camera {
+    let scale = std::env::var("LITETEX_PS").ok().and_then(|v| v.parse().ok()).unwrap_or(SCALE);
+    let [width, height] = [camera.pinhole.width_px, camera.pinhole.height_px]
+        .map(|side| ((f64::from(side) * scale).round() as u32).max(1));
+    camera.resized(width, height)
+}
+
+/// A photo of random zeros and ones for a camera, with the mask of another of any size.
+fn signs(photo: &TargetImage, camera: &Camera, seed: u64) -> TargetImage {
+    let [width_px, height_px] = [camera.pinhole.width_px, camera.pinhole.height_px];
     let mut rng = Pcg64Mcg::seed_from_u64(seed);
-    let mut rgb = vec![0_u8; photo.rgb.len()];
+    let mut rgb = vec![0_u8; 3 * (width_px * height_px) as usize];
     rng.fill_bytes(&mut rgb);
     rgb.iter_mut().for_each(|byte| *byte = if *byte < 128 { 0 } else { 255 });
-    TargetImage {
-        width_px: photo.width_px,
-        height_px: photo.height_px,
-        rgb,
-        mask: photo.mask.clone(),
-        alpha: None,
-    }
+    let place = |at: u32, side: u32, of: u32| (u64::from(at) * u64::from(of) / u64::from(side)) as usize;
+    let mask = photo.mask.as_ref().map(|mask| {
+        let row = |y: u32| place(y, height_px, photo.height_px) * photo.width_px as usize;
+        let pixel = |y: u32, x: u32| mask[row(y) + place(x, width_px, photo.width_px)];
+        (0..height_px).flat_map(|y| (0..width_px).map(move |x| (y, x))).map(|(y, x)| pixel(y, x)).collect()
+    });
+    TargetImage { width_px, height_px, rgb, mask, alpha: None }
 }
