@@ -190,7 +190,7 @@ mod tests {
             }
         }
         let paper = fresh("--profile paper").train;
-        assert!(!paper.density.respawn && paper.rates.position_random == paper.rates.position);
+        assert!(paper.policy == Policy::Paper && paper.rates.position_random == paper.rates.position);
         assert_eq!(fresh("").train.density, DensityConfig::default());
     }
 

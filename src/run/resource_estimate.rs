@@ -326,7 +326,6 @@ impl Resources {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::train::density::DensityConfig;
 
     const FOX: Workload = Workload {
         splats: 14_686,

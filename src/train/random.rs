@@ -15,6 +15,8 @@ pub(super) enum RandomStream {
     ViewOrder,
     /// The background of a step.
     Background,
+    /// What a density-control step and the round of pruning after it draw.
+    Revision,
 }
 
 impl RandomStream {
@@ -24,6 +26,7 @@ impl RandomStream {
         let (purpose, factor) = match self {
             Self::ViewOrder => (0x7669_6577, GOLDEN),
             Self::Background => (0, 0xD1B5_4A32_D192_ED03),
+            Self::Revision => (0, GOLDEN),
         };
         run_seed ^ (purpose << 32 | u64::from(number)).wrapping_mul(factor)
     }
@@ -37,13 +40,13 @@ impl RandomStream {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use RandomStream::{Background, ViewOrder};
+    use RandomStream::{Background, Revision, ViewOrder};
 
     #[test]
     fn streams_differ_by_purpose_number_and_seed() {
         let mut seeds = Vec::new();
-        for stream in [ViewOrder, Background] {
-            for (run_seed, number) in [(42, 0), (42, 1), (43, 1)] {
+        for stream in [ViewOrder, Background, Revision] {
+            for (run_seed, number) in [(42, 1), (42, 2), (43, 1)] {
                 seeds.push(stream.seed(run_seed, number));
             }
         }

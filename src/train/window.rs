@@ -3,6 +3,7 @@
 use super::config::{Exposure, TrainConfig};
 use super::density::{self, DensityCounts, Revision, Rule, SPLIT_RATE, Situation, SplatHistory, Timing};
 use super::exposure::Exposures;
+use super::random::RandomStream;
 use super::schedule::Schedule;
 use super::state::TrainState;
 use crate::Result;
@@ -148,7 +149,7 @@ impl DensityControl<'_> {
             timing,
             budget: budget.within(&self.limits),
             initial_splats: state.pace.initial,
-            seed: config.seed ^ u64::from(step).wrapping_mul(0x9E37_79B9_7F4A_7C15),
+            seed: RandomStream::Revision.seed(config.seed, step),
         };
         let revision = density::revise(config.policy, &situation);
         if use_statistics {

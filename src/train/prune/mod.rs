@@ -14,6 +14,7 @@ mod tests;
 use super::config::TrainConfig;
 use super::density::{MapRule, SplatHistory};
 use super::exposure::Exposures;
+use super::random::RandomStream;
 use super::schedule::Schedule;
 use super::targets::Targets;
 use crate::Result;
@@ -152,7 +153,7 @@ impl Round {
             keeps_maps,
             background: config.background,
             sh_degree: schedule.sh_degree(step, config.sh_degree),
-            seed: config.seed ^ u64::from(step).wrapping_mul(0x9E37_79B9_7F4A_7C15),
+            seed: RandomStream::Revision.seed(config.seed, step),
             trial: (density.merge && !keeps_maps).then_some(trial),
         }
     }
