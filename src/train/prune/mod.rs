@@ -19,6 +19,7 @@ use super::schedule::Schedule;
 use super::targets::Targets;
 use crate::Result;
 use crate::backend::{Backend, ColourMap, TargetImage};
+use crate::camera::Camera;
 use crate::model::{AdamState, Model};
 use crate::views::ViewSource;
 use accept::threshold_for;
@@ -41,6 +42,10 @@ const CHECKED_VIEWS: usize = 8;
 
 /// Views that a round probes, at most. A splat that only other views see would look idle.
 pub const MOST_PROBES: usize = 64;
+
+/// Width and height of a probe over those of the view. Half of the pixels along each axis lose nothing: +0.06 dB PSNR, -0.01 dB
+/// gradient-PSNR on the mean of four captures (240 pixels, 600 steps, 150,000 parameters: `lab/results/growth-search.jsonl`).
+const PROBE_SCALE: f64 = 0.5;
 
 /// Threshold, squared error per parameter, that is beyond anything on offer.
 const MOST_THRESHOLD: f64 = 1.0;
@@ -256,7 +261,9 @@ impl Round {
         let mut offers = Offers::new(probed, order.len() > self.probes, self.keeps_maps);
         for &view in order.iter().take(self.probes) {
             let photo = training.targets.get(training.views, view)?;
-            let derivatives = probe(backend, probed, &self.view(training, view, &photo), rng.random())?;
+            let view = self.view(training, view, &photo);
+            let view = ProbeView { camera: smaller(&view.camera), ..view };
+            let derivatives = probe(backend, probed, &view, rng.random())?;
             offers.observe(&derivatives);
         }
         Ok(offers)
@@ -293,6 +300,13 @@ impl Round {
             .collect();
         mean_squared_error(backend, &views)
     }
+}
+
+/// The camera of a probe, with fewer pixels.
+fn smaller(camera: &Camera) -> Camera {
+    let [width_px, height_px] = [camera.pinhole.width_px, camera.pinhole.height_px]
+        .map(|side| ((f64::from(side) * PROBE_SCALE).round() as u32).max(1));
+    camera.resized(width_px, height_px)
 }
 
 /// Steps of one training in a trial of merges. All trainings of a run, in each round one without merges and up to [`TRIALS`]

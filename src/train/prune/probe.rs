@@ -30,14 +30,11 @@ pub const BETWEEN: ColourMap = {
     ColourMap([[SLOPE, 0.0, 0.0, offset], [0.0, SLOPE, 0.0, offset], [0.0, 0.0, SLOPE, offset]])
 };
 
-/// Width and height of a probe over those of the view.
-const SCALE: f64 = 1.0;
-
 /// A view of a probe.
 pub struct ProbeView<'a> {
     /// Camera of the view.
     pub camera: Camera,
-    /// Its photo, of which a probe needs only size and mask.
+    /// Its photo, of any size: a probe needs only the mask.
     pub photo: &'a TargetImage,
     /// Display-space colour behind all splats.
     pub background: [f32; 3],
@@ -70,13 +67,12 @@ pub fn probe_through(
     view: &ProbeView<'_>,
     seed: u64,
 ) -> Result<AdamState> {
-    let camera = smaller(&view.camera);
-    let target = signs(view.photo, &camera, seed);
+    let target = signs(view.photo, &view.camera, seed);
     backend.upload(model, &AdamState::zeros(model))?;
     // With all rates zero, only the moments change.
     backend.steps(&[StepRequest {
         step: 1,
-        camera,
+        camera: view.camera,
         photo: 0,
         target: &target,
         background: view.background,
@@ -92,14 +88,6 @@ pub fn probe_through(
     let AdamState { splats_m, texels_m, .. } = &mut moments;
     splats_m.opacity_logits.iter_mut().chain(&mut splats_m.sh).chain(texels_m).for_each(|m| *m *= scale);
     Ok(moments)
-}
-
-/// The camera with fewer pixels.
-fn smaller(camera: &Camera) -> Camera {
-    let scale = std::env::var("LITETEX_PS").ok().and_then(|v| v.parse().ok()).unwrap_or(SCALE);
-    let [width, height] = [camera.pinhole.width_px, camera.pinhole.height_px]
-        .map(|side| ((f64::from(side) * scale).round() as u32).max(1));
-    camera.resized(width, height)
 }
 
 /// A photo of random zeros and ones for a camera, with the mask of another of any size.
