@@ -333,7 +333,7 @@ fn a_failed_density_control_step_is_repeated_on_resume() {
     let views = photos(&scene());
     // Density control every 5 steps; then every 100 steps, with maps cropped and padded every 40.
     let mut cropping = TrainConfig { eval_every: 0, save_every: 0, ..config(125) };
-    (cropping.policy, cropping.density.interval) = (Policy::Paper, 24_000);
+    (cropping.policy, cropping.density.interval) = (Policy::Paper, Some(24_000));
     let cases = [(settings(), &[5, 10, 15, 20, 25, 30, 35][..]), (cropping, &[40, 80, 100, 120])];
     for (mut config, due) in cases {
         config.density.prune_db = 0.0;

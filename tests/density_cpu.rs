@@ -130,7 +130,7 @@ fn adding_only() -> TrainConfig {
 fn density_control_without_growth_changes_only_histories_and_the_window() {
     let with = |interval: u32, min_texel_px: f64| {
         let mut config = adding_only();
-        (config.density.interval, config.density.min_texel_px) = (interval, min_texel_px);
+        (config.density.interval, config.density.min_texel_px) = (Some(interval), min_texel_px);
         run(&config, start(Policy::Paper), 2)
     };
     // In both, texels are already finer than allowed; in the second, the interval is longer than the run.
@@ -183,7 +183,7 @@ fn cropping_between_density_control_steps_is_the_same_from_any_checkpoint() {
     // Density control after 100 of 125 steps; maps are cropped and padded every 40.
     let mut config = config(Policy::Authors);
     (config.steps, config.save_every) = (125, 1);
-    config.density = DensityConfig { interval: 24_000, densify_until: Some(30_000), ..config.density };
+    config.density = DensityConfig { interval: Some(24_000), densify_until: Some(30_000), ..config.density };
     let schedule = Schedule::new(&config, 5);
     let crops: Vec<u32> = (1..=125).filter(|&step| schedule.is_crop_step(step)).collect();
     assert_eq!((crops, schedule.density_interval), (vec![40, 80, 120], 100));
@@ -220,7 +220,7 @@ fn cropping_between_density_control_steps_is_the_same_from_any_checkpoint() {
         assert!(same(&run(&config, saved, 2).last, &whole.last), "from step {step}");
     }
     // Negative control: with an interval one step shorter, there is no cropping in between.
-    config.density.interval = 23_760;
+    config.density.interval = Some(23_760);
     let closer = run(&config, first, 2);
     assert_eq!(resized(&closer.saved).iter().map(|[_, after]| after.step).collect::<Vec<_>>(), [99]);
     assert!(!same(&closer.last, &whole.last));

@@ -100,7 +100,6 @@ impl Profile {
             config.rates.position_random = config.rates.position;
         }
         let paper = || DensityConfig {
-            interval: 250,
             quantile: 0.85,
             alpha_texture: crate::constants::ALPHA_MIN,
             sh_below: 0.0,

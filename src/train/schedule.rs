@@ -63,9 +63,9 @@ impl Schedule {
         let at = |published: f64| ((published * s).round() as u32).max(1);
         let c = &config.density;
         let rule = config.policy.spec().rule;
-        let most = c.interval.max(1);
-        let low = rule.least_interval(config.steps, train_views).min(most);
-        let density_interval = at(c.interval.into()).clamp(low, most);
+        let [interval, least] = rule.interval(config.splits_any_length(), config.steps, train_views);
+        let most = c.interval.unwrap_or(interval).max(1);
+        let density_interval = at(most.into()).clamp(least.min(most), most);
         // To see whether growth pays takes several windows at full image size.
         let needs = rule == Rule::Litetex && c.need_db > 0.0;
         let until = c.densify_until.unwrap_or(config.policy.spec().densify_until);
@@ -272,7 +272,7 @@ mod tests {
         let has_pruned = [21_000, 21_001, 30_000].map(|step| schedule.has_pruned(step));
         assert_eq!(has_pruned, [false, true, true], "maps are fitted before the round of the same step");
         // Two rounds where probes of all views cost more than a thirtieth of the steps.
-        assert_eq!(of(1_000, 44), [(750, 2), (800, 1)]);
+        assert_eq!(of(1_000, 44), [(748, 2), (836, 1)]);
         let off = TrainConfig::default();
         let off =
             TrainConfig { density: DensityConfig { prune_db: 0.0, ..off.density }, ..TrainConfig::default() };
@@ -288,7 +288,7 @@ mod tests {
         let published = Schedule::new(&config, 300);
         assert_eq!(
             (published.sh_interval, published.texture_start, published.density_interval),
-            (1_000, 1_000, 100)
+            (1_000, 1_000, 250)
         );
         assert_eq!([1, 1_000, 1_001, 3_001, 9_000].map(|t| published.sh_degree(t, 3)), [0, 0, 1, 3, 3]);
         let rates = published.rates(&config, 24_001);
@@ -302,19 +302,27 @@ mod tests {
         let random = TrainConfig { random_start: true, ..config.clone() };
         let quicker = published.rates(&random, 1).position / published.rates(&config, 1).position;
         assert!((quicker - 4.0).abs() < 1e-5, "{quicker}");
-        assert_eq!((short.sh_interval, short.texture_start, short.density_interval), (10, 10, 25));
+        assert_eq!((short.sh_interval, short.texture_start, short.density_interval), (10, 10, 43));
         assert_eq!(short.inactive(&shorter), Vec::<String>::new());
         // An epoch of few views does not bring more steps of density control; `plain` keeps its own bound.
-        let paper = DensityConfig { interval: 250, ..DensityConfig::default() };
-        let of = |policy, density| TrainConfig { steps: 1_000, policy, density, ..config.clone() };
+        let none = Budget::default();
+        let budget = Budget { max_params: Some(1_000_000), ..none };
+        let of = |policy, budget| TrainConfig { steps: 1_000, policy, budget, ..config.clone() };
         let intervals =
             |config: &TrainConfig| [3, 43, 300].map(|views| Schedule::new(config, views).density_interval);
-        assert_eq!(intervals(&of(Policy::Litetex, DensityConfig::default())), [17, 25, 25]);
-        assert_eq!(intervals(&of(Policy::Plain, DensityConfig::default())), [3, 25, 25]);
-        assert_eq!(intervals(&of(Policy::Paper, paper.clone())), [33, 43, 50]);
-        let long = TrainConfig { steps: 30_000, ..of(Policy::Paper, paper) };
-        let cropping = |config: &TrainConfig| Schedule::new(config, 43).crop_interval;
-        assert_eq!([&config, &long].map(cropping), [0, 100]);
+        assert_eq!(intervals(&of(Policy::Litetex, none)), [33, 43, 50]);
+        assert_eq!(intervals(&of(Policy::Litetex, budget)), [17, 25, 25]);
+        assert_eq!(intervals(&of(Policy::Plain, none)), [3, 25, 25]);
+        assert_eq!(intervals(&of(Policy::Paper, budget)), [33, 43, 50]);
+        // A set interval is that, whatever the budget.
+        for budget in [none, budget] {
+            let mut set = of(Policy::Litetex, budget);
+            set.density.interval = Some(20);
+            assert_eq!(intervals(&set), [if budget == none { 20 } else { 17 }, 20, 20]);
+        }
+        let long = |policy| TrainConfig { steps: 30_000, ..of(policy, none) };
+        let cropping = |policy| Schedule::new(&long(policy), 43).crop_interval;
+        assert_eq!([Policy::Litetex, Policy::Paper].map(cropping), [0, 100]);
         let tiny = TrainConfig { steps: 30, ..config.clone() };
         let inactive = Schedule::new(&tiny, 43).inactive(&tiny);
         assert!(inactive.len() == 3 && inactive[0].starts_with("growth"), "{inactive:?}");
@@ -325,12 +333,11 @@ mod tests {
             let inactive = Schedule::new(&config, 43).inactive(&config);
             inactive.iter().filter(|what| what.starts_with("density.")).count()
         };
-        let budget = Budget { max_params: Some(1_000_000), ..Budget::default() };
         assert_eq!([Budget::default(), budget].map(|budget| unused(Policy::Litetex, budget)), [0, 1]);
         assert_eq!([Policy::Plain, Policy::Paper].map(|policy| unused(policy, budget)), [2, 0]);
-        assert!(short.is_density_step(25) && !short.is_density_step(26));
+        assert!(short.is_density_step(43) && !short.is_density_step(44));
         assert!(!short.is_density_step(301) && short.density_end == 290);
-        assert_eq!((published.patience, published.densify_until), (20, 15_000));
+        assert_eq!((published.patience, published.densify_until), (8, 15_000));
         assert_eq!((short.patience, short.densify_until), (2, 150));
         assert_eq!(
             [0, 3_500, 7_000, 20_000].map(|t| published.split_texels(&config, t)),

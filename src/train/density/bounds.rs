@@ -39,7 +39,7 @@ impl DensityConfig {
                 ));
             }
         }
-        if self.interval == 0 {
+        if self.interval == Some(0) {
             return Err("density.interval: found 0, expected at least 1 step".to_owned());
         }
         Ok(())
@@ -61,7 +61,7 @@ mod tests {
             ("alpha-texture: found 2", |c| c.alpha_texture = 2.0),
             ("split-texels: found -5", |c| c.split_texels = [64.0, -5.0]),
             ("opacity-floor: found inf", |c| c.opacity_floor = Some([f64::INFINITY, 0.0])),
-            ("interval: found 0", |c| c.interval = 0),
+            ("interval: found 0", |c| c.interval = Some(0)),
         ];
         for (what, change) in wrong {
             let mut config = DensityConfig::default();

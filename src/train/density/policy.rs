@@ -121,15 +121,17 @@ impl Rule {
         }
     }
 
-    /// Least steps between density-control steps of a run of `steps`: an epoch, within bounds.
-    pub fn least_interval(self, steps: u32, train_views: usize) -> u32 {
+    /// Steps of the published timetable between density-control steps, and the least number of a run of `steps`: an epoch, within
+    /// bounds. What splits splats of any length is as frequent as `plain`, except with few views (3DGS-MCMC: 100; paper,
+    /// Contribution- and Area-Aware Geometric Management: 250).
+    pub fn interval(self, splits_any_length: bool, steps: u32, train_views: usize) -> [u32; 2] {
         let fewest = (steps / 30).clamp(1, FEWEST_STEPS);
-        let (fewest, most) = match self {
-            Self::Litetex => (fewest.div_ceil(2), 25),
-            Self::Paper(_) => (fewest, 50),
-            Self::Plain => (1, 25),
+        let (interval, fewest, most) = match self {
+            Self::Litetex if splits_any_length => (100, fewest.div_ceil(2), 25),
+            Self::Litetex | Self::Paper(_) => (250, fewest, 50),
+            Self::Plain => (100, 1, 25),
         };
-        (train_views as u32).clamp(fewest, most)
+        [interval, (train_views as u32).clamp(fewest, most)]
     }
 }
 

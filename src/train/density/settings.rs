@@ -54,9 +54,8 @@ impl Default for Components {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
 pub struct DensityConfig {
-    /// Steps between density-control steps. Default 100 (3DGS-MCMC; paper, Contribution- and Area-Aware Geometric Management:
-    /// 250).
-    pub interval: u32,
+    /// Steps between density-control steps. Default: what the policy says.
+    pub interval: Option<u32>,
     /// First density-control step that uses statistics. Default 500 (authors' configuration; not measured).
     pub start: u32,
     /// Last step after which splats are split and maps refined. Default: what the policy says.
@@ -120,7 +119,7 @@ pub struct DensityConfig {
 impl Default for DensityConfig {
     fn default() -> Self {
         Self {
-            interval: 100,
+            interval: None,
             start: 500,
             densify_until: None,
             texture_start: 1_000,
