@@ -50,7 +50,7 @@ def train(binary, capture, policy, budget, folder):
 def with_filter(binary, plain, folder):
     """The splats of a PLY file, which cannot say so, with the low-pass filter that they were trained with."""
     file = folder / "filtered.gltf"
-    run(binary, "-q", "convert", plain, "-o", file, "--quality", "lossless", "--no-verify", "--force", "--device", "cpu")
+    run(binary, "-q", "export", plain, "-o", file, "--quality", "lossless", "--no-verify", "--force", "--device", "cpu")
     text = file.read_text()
     if text.count('"filter":"none"') != 1:
         sys.exit(f"error: {file}: found no filter to set")
