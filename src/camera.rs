@@ -3,10 +3,9 @@
 //! Camera axes follow COLMAP and OpenCV: x right, y down, z forward. A pixel's centre lies at its
 //! integer index + 0.5. There is no lens distortion here; `capture` removes it on load.
 
-mod orbit;
+pub mod orbit;
 
 use glam::{DMat3, DVec2, DVec3};
-pub use orbit::orbit;
 use serde::{Deserialize, Serialize};
 
 /// Pinhole intrinsics for a given image size.

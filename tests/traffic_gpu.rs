@@ -9,7 +9,8 @@ mod common;
 use common::gpu::backends;
 use litetex_gs::backend::{LearningRates, LossWeights, StepRequest};
 use litetex_gs::camera::Camera;
-use litetex_gs::gpu::bench::{CountFigures, count};
+use litetex_gs::gpu::bench::CountFigures;
+use litetex_gs::gpu::bench::count::count;
 use litetex_gs::gpu::{GpuBackend, GpuOptions};
 use litetex_gs::selftest::{RandomScene, SceneOptions, random_scene};
 

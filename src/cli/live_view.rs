@@ -7,7 +7,8 @@
 use super::curve::Curve;
 use super::sources::load_scene;
 use super::training_values::View;
-use super::view::{announce, offer_photos, start};
+use super::view::{announce, start};
+use super::view_photos::offer_photos;
 use super::view_scene::{in_memory, name_of, quick, served};
 use crate::viewer::{AssetBytes, Server, Shown};
 use litetex_exporters::html::{SessionAsset, SessionTraining, TrainingState};

@@ -2,12 +2,11 @@
 
 use super::sources::{check_kind, load_scene, open_photos};
 use super::stamp::Stamp;
-use super::view_photos::{CapturePhotos, list};
+use super::view_photos::{no_photos, not_shown, offer_photos};
 use super::view_run::RunWatch;
 use super::view_scene::{name_of, served};
 use crate::viewer::{Server, Shown};
 use litetex_exporters::Format;
-use litetex_gs::capture::Capture;
 use litetex_gs::console::values::whole;
 use litetex_gs::console::{Interrupt, Log, Output};
 use litetex_gs::run::{RUN_OR_CHECKPOINT, is_run};
@@ -139,23 +138,6 @@ fn show_scene(scene: &BakedScene, shown: &Shown) -> Result<()> {
     };
     shown.set_asset(&title, asset, bytes);
     Ok(())
-}
-
-/// Says why the page does not follow a change.
-pub fn not_shown(error: &Error, log: &Log) {
-    log.warn("scene-not-shown", &format!("the page keeps the scene before: {error}"), 1);
-}
-
-/// Offers the photos of a capture, if there is one.
-pub fn offer_photos(capture: Option<Arc<Capture>>, shown: &Shown) {
-    if let Some(capture) = capture {
-        shown.set_photos(list(&capture), Arc::new(CapturePhotos(capture)));
-    }
-}
-
-/// Says why there are no photos.
-pub fn no_photos(error: &Error, log: &Log) {
-    log.warn("no-photos", &format!("photos are not shown: {error}"), 1);
 }
 
 /// Starts a server. `option` is what names the port.

@@ -1,10 +1,12 @@
 //! The photos of a capture as pages get them: as training sees them, in PNG.
 
-use crate::viewer::Photos;
+use crate::viewer::{Photos, Shown};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder as _};
 use litetex_exporters::html::SessionPhoto;
+use litetex_gs::Error;
 use litetex_gs::capture::Capture;
+use litetex_gs::console::Log;
 use litetex_gs::views::ViewSource as _;
 use std::io;
 use std::sync::Arc;
@@ -34,4 +36,21 @@ impl Photos for CapturePhotos {
             Ok(png)
         })
     }
+}
+
+/// Says why the page does not follow a change.
+pub fn not_shown(error: &Error, log: &Log) {
+    log.warn("scene-not-shown", &format!("the page keeps the scene before: {error}"), 1);
+}
+
+/// Offers the photos of a capture, if there is one.
+pub fn offer_photos(capture: Option<Arc<Capture>>, shown: &Shown) {
+    if let Some(capture) = capture {
+        shown.set_photos(list(&capture), Arc::new(CapturePhotos(capture)));
+    }
+}
+
+/// Says why there are no photos.
+pub fn no_photos(error: &Error, log: &Log) {
+    log.warn("no-photos", &format!("photos are not shown: {error}"), 1);
 }

@@ -3,7 +3,7 @@
 use super::metrics_tail::MetricsTail;
 use super::sources::load_scene;
 use super::stamp::Stamp;
-use super::view::{no_photos, not_shown, offer_photos};
+use super::view_photos::{no_photos, not_shown, offer_photos};
 use super::view_scene::{LTGS, described, name_of, served};
 use crate::viewer::{AssetBytes, Shown};
 use litetex_exporters::html::{SessionAsset, TrainingState};

@@ -3,11 +3,13 @@
 
 mod contract;
 mod mirrors;
+mod parsed;
 
 use super::kernels::{KERNELS, Kernel};
 use super::shader::{Dialect, ExpandedShader, HALF_TILES, SOURCES, expand};
-use contract::{Parsed, check, workgroup_bytes};
+use contract::{check, workgroup_bytes};
 use mirrors::{check_structs, mirrors};
+use parsed::Parsed;
 use std::collections::BTreeSet;
 
 fn native(kernel: &Kernel) -> ExpandedShader {

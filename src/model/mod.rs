@@ -5,13 +5,12 @@ mod filter;
 mod params;
 mod splats;
 mod texture;
-mod tint;
+pub mod tint;
 
 pub use filter::Filter;
 pub use params::{MAP_PARAMS, ModelSize, TEXEL_PARAMS, splat_params};
 pub use splats::{SplatArrays, SplatGroup};
 pub use texture::{TextureMap, TexturePool, support_half_extent, texel_value, texel_value_slope};
-pub use tint::tinted;
 
 use crate::camera::Similarity;
 use serde::{Deserialize, Serialize};

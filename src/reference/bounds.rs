@@ -1,7 +1,7 @@
 //! Pixel bounds of a splat: the exact box of the conic that the disc of alpha >= 1/255 projects to, or where the
 //! conic is not an ellipse, the box of the disc's bounding quad clipped at the near plane (method 2.3).
 
-use super::Projected;
+use super::project::Projected;
 use crate::camera::Camera;
 use crate::constants::{ALPHA_MIN, CONIC_MARGIN};
 use glam::{DVec2, DVec3};

@@ -1,7 +1,7 @@
 //! Optional terms on depths and normals (method section 3): distortion and normal consistency. They depend on each
 //! sample's weight and depth, and on the normal of its splat.
 
-use super::Image;
+use super::raster_fwd::Image;
 use crate::backend::{LossWeights, TargetImage};
 use crate::camera::Camera;
 use crate::constants::SURFACE_ALPHA_MIN;

@@ -1,7 +1,9 @@
 //! Projects a splat to a view: the centred projective map from pixels to the surfel's plane, and the base colour
 //! (method sections 1.2, 2.2 and 2.5).
 
-use super::{AlphaCutoff, Params, Settings, sh::sh_basis};
+use super::params::Params;
+use super::settings::{AlphaCutoff, Settings};
+use super::sh::sh_basis;
 use crate::camera::Camera;
 use crate::constants::{ALPHA_MIN, EDGE_ON_MIN, FOOTPRINT_TEXELS_MAX, sh_coefficients};
 use glam::{DMat2, DVec2, DVec3};

@@ -1,6 +1,8 @@
 //! Forward rasterisation: tests every pixel against every splat, front to back (method 1.3, 1.4 and 2.1).
 
-use super::{AlphaCutoff, Params, Projected, Settings};
+use super::params::Params;
+use super::project::Projected;
+use super::settings::{AlphaCutoff, Settings};
 use crate::camera::Camera;
 use crate::constants::{ALPHA_MAX, ALPHA_MIN, DENOMINATOR_MIN, TRANSMITTANCE_MIN};
 use crate::model::TextureMap;

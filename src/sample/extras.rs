@@ -3,13 +3,10 @@
 
 use super::noise::Noise;
 use super::options::SampleOptions;
-use super::scene::{Hit, Ray, Surface};
+use super::ray::{Hit, Ray, Surface};
 use super::stress::StressKind as Kind;
-use super::texture;
+use super::texture::{self, POSTER};
 use glam::{DVec2, DVec3};
-
-/// Centre and half size of the poster on the back wall, in the coordinates of its texture.
-pub const POSTER: (DVec2, DVec2) = (DVec2::new(0.0, -0.28), DVec2::new(0.78, 0.46));
 
 /// Distance of the back wall, and of the wires, from a typical camera, metres: what a pixel of a typical view measures.
 const WALL_DISTANCE: f64 = 3.0;

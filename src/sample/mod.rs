@@ -17,6 +17,7 @@ mod planted;
 mod points;
 mod poses;
 mod random;
+mod ray;
 mod render;
 mod scene;
 mod stress;

@@ -3,7 +3,7 @@
 
 use super::need::{NeedKind as Kind, NeedScene};
 use super::random::{Stream, stream, uniform};
-use super::scene::Ray;
+use super::ray::Ray;
 use glam::{DVec2, DVec3};
 use rand_pcg::Pcg32;
 use serde::Serialize;

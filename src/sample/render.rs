@@ -4,7 +4,8 @@
 
 use super::patch::Patch;
 use super::random::{Stream, normal_pair, stream, uniform};
-use super::scene::{Hit, Ray, Scene, Surface};
+use super::ray::{Hit, Ray, Surface};
+use super::scene::Scene;
 use super::views::View;
 use crate::camera::{Pinhole, RigidTransform};
 use glam::{DVec2, DVec3};

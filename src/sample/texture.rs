@@ -3,10 +3,12 @@
 //!
 //! Details measure a few millimetres to a few centimetres, about one to ten pixels of the default images.
 
-use super::extras::POSTER;
 use super::lettering::{small_print, text};
 use super::noise::Noise;
 use glam::{DVec2, DVec3};
+
+/// Centre and half size of the poster on the back wall, in the coordinates of its texture.
+pub const POSTER: (DVec2, DVec2) = (DVec2::new(0.0, -0.28), DVec2::new(0.78, 0.46));
 
 /// Distance of `x` from the nearest multiple of `period`.
 fn from_line(x: f64, period: f64) -> f64 {

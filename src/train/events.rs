@@ -3,12 +3,11 @@
 
 use super::density::DensityCounts;
 use super::prune::Pruned;
-use super::state::TrainState;
+use super::state::{SizeFigures, TrainState};
 use crate::Warning;
 use crate::backend::{DeviceInfo, LossValues, RenderedImage, StepReport};
 use crate::eval::Evaluation;
-use crate::model::{Model, ModelSize};
-use serde::{Deserialize, Serialize};
+use crate::model::Model;
 
 /// The consumer's answer to an event. Of several answers to the events of a batch, the greatest counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -32,23 +31,6 @@ pub enum StopReason {
     Time,
     /// The consumer answered [`Control::Stop`].
     Consumer,
-}
-
-/// Size of a model, as events tell it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct SizeFigures {
-    /// Number of splats.
-    pub splats: usize,
-    /// Number of texels over all maps.
-    pub texels: usize,
-    /// Floats that the model holds ([`ModelSize::params`]).
-    pub params: usize,
-}
-
-impl From<ModelSize> for SizeFigures {
-    fn from(size: ModelSize) -> Self {
-        Self { splats: size.splats, texels: size.texels, params: size.params() }
-    }
 }
 
 /// An event of a run; `step` is the number of steps done.

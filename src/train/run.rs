@@ -5,12 +5,12 @@ use super::config::{Exposure, TrainConfig};
 use super::density::DensityCounts;
 use super::eta::Eta;
 use super::evaluate::{Evaluated, evaluate};
-use super::events::{Control, SizeFigures, StopReason, TrainEvent};
+use super::events::{Control, StopReason, TrainEvent};
 use super::limits::check_limits;
 use super::order::ViewOrder;
 use super::prune::{Pruned, Round, TrainingViews};
 use super::schedule::Schedule;
-use super::state::{CurvePoint, TrainState};
+use super::state::{CurvePoint, SizeFigures, TrainState};
 use super::targets::Targets;
 use super::window::{self, DensityControl, Stage};
 use crate::backend::{

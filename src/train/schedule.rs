@@ -3,7 +3,6 @@
 
 use super::config::TrainConfig;
 use super::density::{Budget, Policy, Rule};
-use super::prune::MOST_PROBES;
 use crate::backend::LearningRates;
 
 /// Length of the published timetable.
@@ -19,6 +18,9 @@ const NEED_UNTIL: u32 = 22_000;
 /// of the steps; and least steps from the end of densification to the last round.
 const PRUNE_UNTIL: f64 = 24_000.0;
 const PRUNE_STEPS: f64 = 4_000.0;
+
+/// Views that a round probes, at most. A splat that only other views see would look idle.
+pub const MOST_PROBES: usize = 64;
 
 /// Steps of a run for each probe, unless it has only two rounds of pruning.
 const STEPS_PER_PROBE: u32 = 30;

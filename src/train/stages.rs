@@ -1,6 +1,7 @@
 //! The resolution stages of a training laid out over its steps, known before it begins.
 
-use super::{Schedule, TrainConfig};
+use super::config::TrainConfig;
+use super::schedule::Schedule;
 use crate::frequency::FrequencySchedule;
 use serde::{Deserialize, Serialize};
 

@@ -4,6 +4,9 @@ use crate::backend::{RenderedImage, TargetImage};
 use crate::eval::{ViewQuality, psnr_from_mse, quality_of, quantised};
 use litetex_exporters::{AssetCamera, SplatAsset};
 
+/// Views at which a file is shaped and checked while it is written; a later, separate check may look at all.
+pub const EXPORT_VIEWS: usize = 12;
+
 /// PSNR on test views, dB, assumed of a scene that states none: most captures lie below it.
 const ASSUMED_PSNR: f64 = 30.0;
 

@@ -17,13 +17,10 @@ mod verdict;
 
 pub use baked_scene::{BakedScene, bake_checkpoint};
 pub use contribution::Contribution;
-pub use difference::{Difference, PSNR_TEST, evenly_spread};
+pub use difference::{Difference, EXPORT_VIEWS, PSNR_TEST, evenly_spread};
 pub use identity::{CAMERAS_KEY, CaptureIdentity, IDENTITY_KEY, cameras_from_strings, cameras_json};
 pub use limits::QualityLimits;
 pub use rate_distortion::{Backends, RateGoal, Rounding, find_rounding};
 pub use renderer::{GoOn, SceneRenderer, to_display};
 pub use sh_bits::{find_sh_bits, sh_bits_views};
 pub use verdict::{ExpectedImages, PhotoPsnr, ReadBack, Verdict, verify};
-
-/// Views at which a file is shaped and checked while it is written; a later, separate check may look at all.
-pub const EXPORT_VIEWS: usize = 12;

@@ -1,11 +1,13 @@
 //! Rate-distortion search for `.ltgs`: finds the coarsest quantisation steps within a loss or a size, by rendering. (The
 //! quality-by-size charts are in `lab/src/chart/figures.rs`.)
 
+use super::baked_scene::BakedScene;
 use super::closed_loop::ClosedLoop;
-use super::difference::{Difference, evenly_spread, loss_db, mse_to_photos, target_of};
-use super::renderer::GoOn;
+use super::contribution::Contribution;
+use super::difference::{Difference, EXPORT_VIEWS, evenly_spread, loss_db, mse_to_photos, target_of};
+use super::limits::QualityLimits;
+use super::renderer::{GoOn, SceneRenderer};
 use super::sensitivity::sensitivities;
-use super::{BakedScene, Contribution, EXPORT_VIEWS, QualityLimits, SceneRenderer};
 use crate::backend::{Backend, RenderedImage};
 use crate::eval::psnr_from_mse;
 use crate::text::format_bytes;

@@ -1,8 +1,9 @@
 //! Bits of SH coefficients in SPZ files, chosen by rendering.
 
-use super::difference::{Difference, evenly_spread, mse_to_photos};
+use super::difference::{Difference, EXPORT_VIEWS, evenly_spread, mse_to_photos};
+use super::limits::QualityLimits;
 use super::rate_distortion::are_within;
-use super::{EXPORT_VIEWS, QualityLimits, SceneRenderer};
+use super::renderer::SceneRenderer;
 use crate::backend::RenderedImage;
 use crate::{Error, Result};
 use litetex_exporters::spz::{ShBits, SpzOptions, decode_spz, encode_spz};

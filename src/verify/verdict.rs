@@ -1,7 +1,8 @@
 //! Compares the renders of a file with those of its scene: PSNR, loss, and which limits it exceeds.
 
 use super::difference::{Difference, loss_db, mse_to_photos};
-use super::{QualityLimits, SceneRenderer};
+use super::limits::QualityLimits;
+use super::renderer::SceneRenderer;
 use crate::backend::RenderedImage;
 use crate::eval::{psnr_from_mse, quality_of};
 use crate::text::quoted;

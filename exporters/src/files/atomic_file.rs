@@ -33,10 +33,10 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     write_with(path, |temporary| fs::write(temporary, bytes).map_err(|e| Error::io(path, e)))
 }
 
-/// As [`write`], but lets `fill` write the file at a temporary place. It gets the permissions of any new file.
+/// As [`write()`], but lets `fill` write the file at a temporary place. It gets the permissions of any new file.
 ///
 /// # Errors
-/// Those of `fill` and of [`write`].
+/// Those of `fill` and of [`write()`].
 pub fn write_with<E: From<Error>>(path: &Path, fill: impl FnOnce(&Path) -> Result<(), E>) -> Result<(), E> {
     check_place(path)?;
     let temporary = temporary_beside(path);

@@ -1,5 +1,6 @@
 //! The heat map of checks: which variant passes what, with the figures, and the share of the decided cases that it passes.
 
+use super::cases::{Case, WorstView};
 use super::study::Study;
 use super::svg::{Anchor, Svg, TITLE_PX, escape, shortened};
 use super::table::{Column, Table, TableCell, Tone};
@@ -13,26 +14,6 @@ const CELL_PX: f64 = 104.0;
 const SCENE_PX: f64 = 170.0;
 const CHECK_PX: f64 = 300.0;
 const TOP_PX: f64 = 62.0;
-
-/// The checks of a scene.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Case {
-    /// Name of the scene.
-    pub scene: String,
-    /// What is expected of its runs.
-    pub checks: Vec<Check>,
-}
-
-/// An image of the worst test view of a run, as a data URI.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct WorstView {
-    /// Scene of the run.
-    pub scene: String,
-    /// Variant of the run.
-    pub variant: String,
-    /// The image.
-    pub uri: String,
-}
 
 /// A row of the heat map: a check with a finding for each variant.
 struct Row<'a> {

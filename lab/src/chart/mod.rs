@@ -1,6 +1,7 @@
 //! Charts and tables of results: SVG files, tables as CSV and Markdown, and one page with all of it. Produces the
 //! contents of the files; the command line writes them.
 
+mod cases;
 mod cells;
 mod compare;
 mod curves;
@@ -30,7 +31,7 @@ mod svg;
 mod table;
 mod tables;
 
-pub use heat::{Case, WorstView};
+pub use cases::{Case, WorstView};
 pub use study::{Clock, Options};
 
 /// The page, which has all charts and tables.

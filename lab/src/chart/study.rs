@@ -1,6 +1,6 @@
 //! The runs to compare, their measures and their pairs: from lines of results to numbers.
 
-use super::heat::{Case, WorstView};
+use super::cases::{Case, WorstView};
 use super::measure::{Measure, bytes_of};
 use super::merge::{merged, names};
 use super::mismatch::same_images;

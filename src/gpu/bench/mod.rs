@@ -2,12 +2,11 @@
 //! wall clock, and bytes by the model of [`Traffic`].
 
 mod budget;
-mod count;
+pub mod count;
 mod sort;
 mod traffic;
 
 pub use budget::Deadline;
-pub use count::count;
 pub use sort::{SortThroughput, sort_throughput};
 pub use traffic::{Traffic, TrafficCounts, TrafficItem, TrafficShare};
 

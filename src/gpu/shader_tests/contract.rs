@@ -1,63 +1,18 @@
 //! The rules that every shader must follow. Each check returns a list of violations; naga parses and validates.
 
 use super::mirrors::check_structs;
+use super::parsed::Parsed;
 use crate::gpu::kernels::{Kernel, SORT_PASS_BINDING};
 use crate::gpu::layout;
 use crate::gpu::shader::{ExpandedShader, GROUP, shared_constants};
 use crate::model::SplatGroup;
-use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
-use naga::{AddressSpace, Expression, GlobalVariable, Handle, Literal, Span, StorageAccess};
+
+use naga::{AddressSpace, Expression, Literal, StorageAccess};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Minimum limits of WebGPU.
 const MAX_STORAGE_BUFFERS: usize = 8;
 const MAX_WORKGROUP_BYTES: u32 = 16 << 10;
-
-/// A shader that is valid core WebGPU.
-pub(super) struct Parsed {
-    pub module: naga::Module,
-    info: ModuleInfo,
-    layouter: naga::proc::Layouter,
-    pub expanded: ExpandedShader,
-}
-
-impl Parsed {
-    pub fn new(expanded: ExpandedShader) -> Result<Self, String> {
-        let text = &expanded.text;
-        let place = |line: Option<u32>| expanded.origin(line.unwrap_or(1));
-        let module = naga::front::wgsl::parse_str(text).map_err(|e| {
-            format!("{}: {}", place(e.location(text).map(|l| l.line_number)), e.emit_to_string(text))
-        })?;
-        let info =
-            Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module).map_err(|e| {
-                format!("{}: {}", place(e.location(text).map(|l| l.line_number)), e.emit_to_string(text))
-            })?;
-        let mut layouter = naga::proc::Layouter::default();
-        layouter.update(module.to_ctx()).map_err(|e| e.to_string())?;
-        Ok(Self { module, info, layouter, expanded })
-    }
-
-    /// File and line of a span.
-    pub fn at(&self, span: Span) -> String {
-        self.expanded.origin(span.location(&self.expanded.text).line_number)
-    }
-
-    /// File and line of a member of a structure.
-    pub fn member_at(&self, ty: Handle<naga::Type>, name: &str) -> String {
-        let span = self.module.types.get_span(ty);
-        let text = span.to_range().map_or("", |range| &self.expanded.text[range]);
-        let before = text.find(&format!(" {name}:")).map_or(0, |at| text[..at].matches('\n').count());
-        self.expanded.origin(span.location(&self.expanded.text).line_number + before as u32)
-    }
-
-    fn variable_at(&self, handle: Handle<GlobalVariable>) -> String {
-        self.at(self.module.global_variables.get_span(handle))
-    }
-
-    fn is_used(&self, handle: Handle<GlobalVariable>) -> bool {
-        !self.info.get_entry_point(0)[handle].is_empty()
-    }
-}
 
 /// Every constant that the shaders share with Rust, by name.
 fn all_constants() -> BTreeMap<&'static str, Literal> {

@@ -1,6 +1,6 @@
 //! The structures that the shaders share with Rust, and their comparison.
 
-use super::contract::Parsed;
+use super::parsed::Parsed;
 use crate::gpu::layout::{self, Edit, MapChange, SortPass, SplatInfo, Status, StepUniform};
 use naga::TypeInner;
 use std::collections::BTreeSet;

@@ -1,7 +1,7 @@
 //! Which offers are taken at a threshold, and the plan made of them.
 
 use super::offers::{Accepted, Offers, Thresholds};
-use super::{MOST_THRESHOLD, Pruned};
+use super::round::{MOST_THRESHOLD, Pruned};
 use crate::backend::{DensityPlan, MapChange};
 use crate::model::Model;
 use rayon::prelude::*;

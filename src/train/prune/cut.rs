@@ -2,7 +2,7 @@
 
 use super::accept::{accept, planned};
 use super::offers::{KINDS, Offers, Thresholds};
-use super::{Pruned, RAISES, Round, TrainingViews, db};
+use super::round::{Pruned, RAISES, Round, TrainingViews, db};
 use crate::backend::{Backend, DensityPlan};
 use crate::model::{AdamState, Model};
 use crate::{Error, Result};

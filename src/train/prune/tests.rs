@@ -3,7 +3,7 @@
 use super::accept::{accept, planned, threshold_for};
 use super::offers::{Accepted, Offers, Thresholds};
 use super::probe::{BETWEEN, ProbeView, probe_through, probed};
-use super::trial_steps;
+use super::round::trial_steps;
 use crate::backend::{Backend as _, ColourMap, MapChange, RenderOptions};
 use crate::cpu::CpuBackend;
 use crate::model::{AdamState, Model, TextureMap};

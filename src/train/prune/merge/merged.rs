@@ -1,11 +1,11 @@
 //! Two splats of one plane as one, and what that changes.
 
-use super::Limits;
 use super::part::Part;
 use crate::constants::SH_0;
 use crate::model::TextureMap;
 use crate::train::density::{TEXELS_MAX, even_texels, half_extents};
 use crate::train::prune::costs::SplatCosts;
+use crate::train::prune::round::Limits;
 use glam::{DMat2, DMat3, DVec2, DVec3};
 
 /// Samples along each axis on which a merged splat is compared with its parts, over [`REACH`] standard deviations.

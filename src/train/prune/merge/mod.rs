@@ -5,9 +5,10 @@ mod part;
 mod surface;
 #[cfg(test)]
 mod tests;
-mod trial;
+pub mod trial;
 
 use super::costs::SplatCosts;
+use super::round::Limits;
 use crate::Result;
 use crate::constants::ADAM_BETA2;
 use crate::knn::nearest;
@@ -17,24 +18,12 @@ use merged::merged;
 use part::Part;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
-pub use trial::{TRIALS, Trial};
 
 /// Neighbours of a splat with which it may merge.
 const NEIGHBOURS: usize = 8;
 
 /// Passes at a threshold: each merges pairs, also of splats that are merged already.
 const PASSES: usize = 6;
-
-/// Bounds of merged splats.
-#[derive(Clone, Copy, Debug)]
-pub struct Limits {
-    /// Largest standard deviation, pixels of the nearest view: large splats suffer from the order by centres.
-    pub widest_px: f64,
-    /// Finest texel, pixels of the nearest view.
-    pub finest_px: f64,
-    /// Alpha at which maps end.
-    pub alpha_texture: f64,
-}
 
 /// A model with merged splats.
 pub struct Merging {

@@ -1,6 +1,6 @@
 //! Merges of splats in a plane, against what they do to the image.
 
-use super::{Limits, Merging, Parts};
+use super::{Merging, Parts};
 use crate::backend::{Backend as _, RenderOptions};
 use crate::cpu::CpuBackend;
 use crate::model::{AdamState, Model, TextureMap, TexturePool};
@@ -8,6 +8,7 @@ use crate::selftest::{RandomScene, SceneOptions, random_scene};
 use crate::train::prune::costs::SplatCosts;
 use crate::train::prune::offers::Offers;
 use crate::train::prune::probe::{ProbeView, probe, probed};
+use crate::train::prune::round::Limits;
 use glam::{DQuat, DVec2, DVec3};
 
 const SIDE: usize = 7;

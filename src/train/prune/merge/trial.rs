@@ -1,28 +1,12 @@
 //! Whether training makes up for merges: a model with them and one without are trained alike for a while, and compared.
 
-use super::super::{RAISES, Round, TrainingViews};
-use super::{Limits, Merging, Parts};
+use super::{Merging, Parts};
 use crate::Result;
-use crate::backend::{Backend, LearningRates, LossWeights, StepRequest};
+use crate::backend::{Backend, StepRequest};
 use crate::model::TextureMap;
 use crate::train::density::{SplatHistory, pixel_sizes};
 use crate::train::prune::costs::SplatCosts;
-
-/// Trials of one round: merges at a lower threshold are tried if those before cost too much.
-pub const TRIALS: usize = 2;
-
-/// Training of a trial.
-#[derive(Clone, Copy, Debug)]
-pub struct Trial {
-    /// Bounds of merged splats.
-    pub limits: Limits,
-    /// Steps.
-    pub steps: u32,
-    /// Weights of the loss terms.
-    pub loss: LossWeights,
-    /// Learning rates.
-    pub rates: LearningRates,
-}
+use crate::train::prune::round::{RAISES, Round, TRIALS, TrainingViews, Trial};
 
 /// Merges that were kept.
 pub struct Kept {
