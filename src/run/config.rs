@@ -150,7 +150,7 @@ impl RunConfig {
             .ok_or_else(|| Error::Usage("no capture given: litetex train <CAPTURE> -o <RUN>".to_owned()))
     }
 
-    /// Names of the settings that differ and shape the result: all but those in [`NOT_SHAPING`].
+    /// Names of the settings that differ and shape the result: all but those in `NOT_SHAPING`.
     ///
     /// # Errors
     /// As [`RunConfig::to_toml`].

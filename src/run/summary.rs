@@ -21,7 +21,7 @@ pub const LPIPS_REASON: &str =
 /// The result of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
-    /// [`SCHEMA`].
+    /// `SCHEMA`.
     pub schema: String,
     /// Version of the program.
     pub version: String,

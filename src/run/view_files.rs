@@ -56,7 +56,7 @@ fn inner_path(name: &str) -> PathBuf {
     parts.map(|part| part.replace(':', "_")).collect()
 }
 
-/// Writes the figures of each view as a table, [`PER_VIEW`].
+/// Writes the figures of each view as a table, `PER_VIEW`.
 ///
 /// # Errors
 /// [`Error::Io`].

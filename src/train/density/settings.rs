@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
 pub struct Components {
     /// Frequency schedule: image size, texture cap and number of splats follow from the photos' spectra. Off:
-    /// full size, a cap of 256 texels, and splits limited only by [`DensityConfig::split_rate`].
+    /// full size, a cap of 256 texels, and splits of a fifth of the splats a step.
     pub scheduler: bool,
     /// Pruning of splats that contribute or cover too little for several checks in a row.
     pub pruning: bool,
