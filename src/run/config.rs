@@ -185,9 +185,7 @@ impl RunConfig {
         toml::Table::try_from(self).map_err(not_text)
     }
 
-    /// Bounds that flags check by themselves and other sources must be held to; the error says what was found and
-    /// expected.
-    /// Checks that the settings make sense together.
+    /// Checks bounds, which flags check by themselves and other sources must be held to, and that the settings make sense together.
     ///
     /// # Errors
     /// A message that names the setting, what was found and what was expected.

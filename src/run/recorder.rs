@@ -47,7 +47,6 @@ pub struct Recorder<'a> {
     /// Number of gradient entries, over all steps, that were not finite.
     non_finite_gradients: u64,
     losses: ViewLosses,
-    /// Last step after which the model may grow.
     /// Step of the last evaluation.
     evaluated_step: u32,
     /// The last evaluation.
