@@ -82,7 +82,7 @@ fn a_run_writes_what_the_schema_documents() {
     let table = place.train("run", &["--steps", "30", "--eval-every", "10", "--set", "save-every=20"]);
     assert!(table.contains("test PSNR") && table.contains("splats"), "{table}");
     let summary = place.json("run/summary.json");
-    assert_eq!(summary["schema"], "litetex-summary/4");
+    assert_eq!(summary["schema"], "litetex-summary/5");
     for (pointer, above) in [
         ("/quality/psnr", 5.0),
         ("/quality/grad_psnr", 5.0),

@@ -103,7 +103,7 @@ fn failed_runs_are_recorded_and_others_continue() {
         if !failed {
             assert_eq!(r["summary"]["seed"], r["seed"]);
             assert_eq!(r["summary"]["policy"], r["variant"], "bare names are policies");
-            assert_eq!(r["summary"]["schema"], "litetex-summary/4");
+            assert_eq!(r["summary"]["schema"], "litetex-summary/5");
             // Unlike the other sizes, with header, cameras and the steps that the loss allows.
             assert!(r["summary"]["size"]["disk"]["ltgs_tiny_exported"].as_u64() > Some(1_000));
         }

@@ -93,7 +93,7 @@ pub fn run(args: &EvalArgs, log: &Log) -> Result<Output> {
         found["training"] = json!({ "psnr": psnr });
         table.row("PSNR of the training views", psnr.map_or("-".to_owned(), |psnr| format!("{psnr:.2} dB")));
     }
-    Ok(Output::new("litetex-eval/1", found, table))
+    Ok(Output::new("litetex-eval/2", found, table))
 }
 
 impl EvalArgs {

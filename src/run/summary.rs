@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 /// Identifier and version of the schema.
-pub const SCHEMA: &str = "litetex-summary/4";
+pub const SCHEMA: &str = "litetex-summary/5";
 /// Largest file that is read; it has a few numbers per view and evaluation.
 pub const FILE_BYTES_MAX: u64 = 1 << 30;
 /// Why LPIPS is null.

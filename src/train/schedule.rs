@@ -70,8 +70,8 @@ impl Schedule {
         let density_interval = at(most.into()).clamp(least.min(most), most);
         // To see whether growth pays takes several windows at full image size.
         let needs = rule == Rule::Litetex && c.need_db > 0.0;
-        let until = c.densify_until.unwrap_or(config.policy.spec().densify_until);
-        let until = if needs { until.max(NEED_UNTIL) } else { until };
+        let usual = config.policy.spec().densify_until;
+        let until = c.densify_until.unwrap_or(if needs { usual.max(NEED_UNTIL) } else { usual });
         let patience = (f64::from(c.patience_steps) * s / f64::from(density_interval)).round();
         Self {
             sh_interval: at(1_000.0),
@@ -161,7 +161,7 @@ impl Schedule {
         step <= self.densify_until || step % self.coarsen_interval < self.density_interval
     }
 
-    /// Parts of the method that are on but cannot act in a run of this length, and why.
+    /// Parts of the method that are on, and settings that were changed, but cannot act in this run, and why.
     pub fn inactive(&self, config: &TrainConfig) -> Vec<String> {
         let parts = config.active_components();
         let checks_until = |until: u32| {
@@ -336,7 +336,7 @@ mod tests {
             inactive.iter().filter(|what| what.starts_with("density.")).count()
         };
         assert_eq!([Budget::default(), budget].map(|budget| unused(Policy::Litetex, budget)), [0, 1]);
-        assert_eq!([Policy::Plain, Policy::Paper].map(|policy| unused(policy, budget)), [2, 0]);
+        assert_eq!([Policy::Plain, Policy::Paper].map(|policy| unused(policy, budget)), [1, 0]);
         assert!(short.is_density_step(43) && !short.is_density_step(44));
         assert!(!short.is_density_step(301) && short.density_end == 290);
         assert_eq!((published.patience, published.densify_until), (8, 15_000));

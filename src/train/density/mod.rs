@@ -1,5 +1,5 @@
-//! Density control (method 6): which splats are pruned, split or relocated and what size their maps have,
-//! decided on the host from the flushed model and its statistics, so that the decisions do not depend on the backend.
+//! Density control (method 6): which splats are pruned, split or relocated, what size their maps have and which SH bands they
+//! hold, decided on the host from the flushed model and its statistics, so that the decisions do not depend on the backend.
 
 mod bounds;
 mod draw;

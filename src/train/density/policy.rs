@@ -105,15 +105,12 @@ impl Rule {
         match self {
             Self::Litetex if splits_any_length => &["split-texels"],
             Self::Litetex => &[],
-            Self::Paper(_) => &["need-db", "sh-raise", "sh-trial-steps"],
+            Self::Paper(_) => &["need-db", "sh-trial-steps"],
             Self::Plain => &[
                 "need-db",
                 "quantile",
-                "min-texel-px",
-                "alpha-texture",
                 "coarsen-below",
                 "grow-by-axis",
-                "split-texels",
                 "prune-contribution",
                 "prune-area",
                 "patience-steps",

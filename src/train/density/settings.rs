@@ -68,8 +68,8 @@ pub struct DensityConfig {
     /// Pruning takes the last 10 % of the parameters where that costs the training views less than this, dB of PSNR; 0: no
     /// pruning after growth (the paper). Default 0.05 (method 6.15).
     pub prune_db: f64,
-    /// PSNR of the training views that is good enough, dB: where parameters are priced, its error is added to that of the
-    /// model. Default 40 (method 6.15).
+    /// PSNR of the training views that is good enough, dB: its error is added to that of the model in the threshold of
+    /// pruning. Default 40 (method 6.15).
     pub floor_db: f64,
     /// Whether pruning merges neighbours that lie in one plane. Default on (method 6.16).
     pub merge: bool,
@@ -78,7 +78,7 @@ pub struct DensityConfig {
     pub prune_rounds: u32,
     /// How far growth may exceed a budget of parameters, which pruning then meets, as a factor. Default: what the policy says.
     pub overshoot: Option<f64>,
-    /// Quantile of the error above which maps may be refined and are not coarsened. Default 0.6 (method 6.6; paper: 0.85, for
+    /// Quantile of the error above which maps may be refined and are not coarsened and, without a budget of parameters, splats split. Default 0.6 (method 6.6; paper: 0.85, for
     /// Tanks & Temples 0.6).
     pub quantile: f64,
     /// Finest texel, in pixels of the nearest camera at the image size of the stage. Default 2 (CAT; method 6.5).
