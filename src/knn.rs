@@ -11,6 +11,9 @@ struct Tree<'a> {
     order: Vec<u32>,
     /// Axis along which the middle element at this index splits its range.
     axes: Vec<u8>,
+    /// Points compared by all searches.
+    #[cfg(test)]
+    compared: std::sync::atomic::AtomicU64,
 }
 
 /// The nearest points found so far and their squared distances, ascending.
@@ -18,12 +21,16 @@ type Best<const K: usize> = [(f32, u32); K];
 
 impl<'a> Tree<'a> {
     fn new(points: &'a [[f32; 3]]) -> Self {
-        let mut tree =
-            Self { points, order: (0..points.len() as u32).collect(), axes: vec![0; points.len()] };
-        let mut order = std::mem::take(&mut tree.order);
-        split(points, &mut order, &mut tree.axes);
-        tree.order = order;
-        tree
+        let mut order: Vec<u32> = (0..points.len() as u32).collect();
+        let mut axes = vec![0; points.len()];
+        split(points, &mut order, &mut axes);
+        Self {
+            points,
+            order,
+            axes,
+            #[cfg(test)]
+            compared: 0.into(),
+        }
     }
 
     fn search<const K: usize>(&self, range: std::ops::Range<usize>, own: u32, best: &mut Best<K>) {
@@ -46,6 +53,8 @@ impl<'a> Tree<'a> {
     }
 
     fn visit<const K: usize>(&self, own: u32, other: u32, best: &mut Best<K>) {
+        #[cfg(test)]
+        self.compared.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
         if other == own {
             return;
         }
@@ -92,19 +101,28 @@ fn split(points: &[[f32; 3]], order: &mut [u32], axes: &mut [u8]) {
 /// fewer. All points must be finite.
 pub fn nearest<const K: usize>(points: &[[f32; 3]]) -> Vec<[(f32, u32); K]> {
     let tree = Tree::new(points);
-    (0..points.len() as u32)
+    let found = (0..points.len() as u32)
         .into_par_iter()
         .map(|own| {
             let mut best = [(f32::INFINITY, own); K];
             tree.search(0..points.len(), own, &mut best);
             best
         })
-        .collect()
+        .collect();
+    #[cfg(test)]
+    tests::COMPARED.set(tests::COMPARED.get() + tree.compared.into_inner());
+    found
 }
 
 #[cfg(test)]
-mod tests {
+pub mod tests {
     use super::*;
+    use std::cell::Cell;
+
+    thread_local! {
+        /// Points compared by all searches that this thread asked for.
+        pub static COMPARED: Cell<u64> = const { Cell::new(0) };
+    }
 
     fn squared_distance(points: &[[f32; 3]], a: usize, b: usize) -> f32 {
         (0..3).map(|axis| (points[a][axis] - points[b][axis]).powi(2)).sum()

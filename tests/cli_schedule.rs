@@ -85,12 +85,14 @@ fn stages_cover_the_training_and_tables_match_the_json() {
 fn rules_change_the_schedule_and_threads_do_not() {
     let place = Place::new();
     let work = |arguments: &[&str]| place.json(arguments)["pixel_work"].as_f64().unwrap();
-    let integer = work(&["--scale-rule", "integer"]);
-    assert!(integer < 0.95 && work(&[]) < integer - 0.02, "fractional is the default; {integer}");
+    let paper = work(&["--rules", "paper", "--until", "20000"]);
+    assert!(paper < 0.95 && work(&[]) < paper - 0.02, "sizes in finer steps save pixels; {paper}");
     assert!(work(&["--until", "15000"]) > work(&[]) + 0.02, "full images for longer");
-    assert_eq!(work(&["--scale-rule", "off"]), 1.0);
     assert_eq!(work(&["--max-scale", "1"]), 1.0);
-    assert_ne!(place.json(&["--keep-noise"])["schedule"], place.json(&[])["schedule"]);
+    let json = |rules: &str| place.json(&["--rules", rules]);
+    assert_eq!(json("default")["schedule"], place.json(&[])["schedule"]);
+    assert_eq!(json("authors")["schedule_steps"], 15_000, "the published schedule ends with densification");
+    assert_ne!(json("authors")["schedule"], json("paper")["schedule"]);
     assert_eq!(place.json(&["--threads", "1"]), place.json(&["--threads", "3"]));
 }
 
@@ -101,7 +103,7 @@ fn bad_arguments_and_bad_captures_have_different_exit_codes() {
     for (arguments, code, part) in [
         (&[&capture, "--beta", "0.5"][..], 2, "beta"),
         (&[&capture, "--max-scale", "0"], 2, "max-scale"),
-        (&[&capture, "--scale-rule", "half"], 2, "fractional"),
+        (&[&capture, "--rules", "half"], 2, "authors"),
         (&[&place.path("nowhere")], 3, "nowhere"),
     ] {
         let (got, stdout, stderr) = run(&[&["schedule"], arguments].concat());

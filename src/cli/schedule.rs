@@ -7,7 +7,6 @@ use litetex_gs::Result;
 use litetex_gs::capture::{Capture, LoadOptions};
 use litetex_gs::console::values::whole;
 use litetex_gs::console::{Log, Output};
-use litetex_gs::frequency::FrequencyOptions;
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -32,8 +31,7 @@ pub struct ScheduleArgs {
 pub fn run(args: &ScheduleArgs, log: &Log) -> Result<Output> {
     let mut load = LoadOptions::default();
     args.capture_args.apply(&mut load);
-    let mut options = FrequencyOptions::default();
-    args.schedule_flags.apply(&mut options);
+    let options = args.schedule_flags.options();
     options.check()?;
     let capture = Capture::load(&args.capture, &load)?;
     log.report(&capture.report);

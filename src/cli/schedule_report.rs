@@ -75,7 +75,7 @@ impl ScheduleReport {
         table.row("views analysed", schedule.views);
         table.row("full size", format!("{}x{}", self.width_px, self.height_px));
         table.row("first scale", format!("{:.2}", schedule.s_max));
-        if self.options.noise_robust {
+        if self.options.rules.set().removes_noise {
             table.row("noise", format!("{:.1} of 255", 255.0 * schedule.noise));
         }
         table.row("schedule ends", format!("at step {}", format_count(self.schedule_steps.into())));

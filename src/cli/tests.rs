@@ -62,15 +62,13 @@ fn the_help_of_schedule_states_the_defaults() {
     let options = FrequencyOptions::default();
     let name = |value: serde_json::Result<Value>| value.unwrap().as_str().unwrap().to_owned();
     for (flag, default) in [
-        ("--scale-rule", name(serde_json::to_value(options.scale_rule))),
-        ("--cap-rule", name(serde_json::to_value(options.cap_rule))),
+        ("--rules", name(serde_json::to_value(options.rules))),
         ("--max-scale", options.max_scale.to_string()),
         ("--beta", options.beta.to_string()),
         ("--steps", TrainConfig::default().steps.to_string()),
     ] {
         assert_eq!(stated("schedule", flag), Some(default), "{flag}");
     }
-    assert!(options.noise_robust, "--keep-noise switches it off");
 }
 
 #[test]

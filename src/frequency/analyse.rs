@@ -1,7 +1,7 @@
 //! Selects the views to analyse, and combines their spectra into one schedule.
 
 use super::fft::PlaneTransform;
-use super::options::{FrequencyOptions, StartRule};
+use super::options::{FrequencyOptions, LEVELS, MAX_VIEWS, RuleSet, StartRule};
 use super::schedule::FrequencySchedule;
 use super::spectrum::{RINGS, Spectrum, Windows};
 use super::{noise, significance, stages};
@@ -16,8 +16,17 @@ impl FrequencySchedule {
     /// # Errors
     /// [`Error::Usage`] for invalid settings, and whatever reading the photos reports.
     pub fn analyse(views: &dyn ViewSource, options: &FrequencyOptions) -> Result<Self> {
+        Self::analyse_by(views, options, &options.rules.set())
+    }
+
+    /// The analysis by these rules.
+    pub(super) fn analyse_by(
+        views: &dyn ViewSource,
+        options: &FrequencyOptions,
+        rules: &RuleSet,
+    ) -> Result<Self> {
         options.check()?;
-        let chosen = evenly_picked(&views.indices(Split::Train), options.max_views);
+        let chosen = evenly_picked(&views.indices(Split::Train), MAX_VIEWS);
         let mut transforms = BTreeMap::new();
         for &view in &chosen {
             let p = views.camera(view).pinhole;
@@ -43,7 +52,7 @@ impl FrequencySchedule {
             })
             .collect::<Result<_>>()?;
         let spectra: Vec<Spectrum> = spectra.into_iter().flatten().collect();
-        Ok(schedule(&spectra, options))
+        Ok(schedule(&spectra, options, rules))
     }
 }
 
@@ -55,8 +64,8 @@ fn evenly_picked(views: &[usize], most: usize) -> Vec<usize> {
 }
 
 /// The schedule for views with these spectra.
-pub(super) fn schedule(spectra: &[Spectrum], options: &FrequencyOptions) -> FrequencySchedule {
-    let denoised = |view: &Spectrum| match options.noise_robust {
+fn schedule(spectra: &[Spectrum], options: &FrequencyOptions, rules: &RuleSet) -> FrequencySchedule {
+    let denoised = |view: &Spectrum| match rules.removes_noise {
         true => noise::denoised_rings(view),
         false => (view.rings(), 0.0),
     };
@@ -64,11 +73,11 @@ pub(super) fn schedule(spectra: &[Spectrum], options: &FrequencyOptions) -> Freq
     let single: Vec<Windows> = rings.iter().map(|rings| Windows::new(rings.iter().copied())).collect();
     // The sum will do: the number of views cancels in every use.
     let mean = Windows::new((0..RINGS).map(|ring| rings.iter().map(|view| view[ring]).sum::<f64>()));
-    let s_max = match options.start_rule {
-        StartRule::Quantile => stages::start_scale(&single, options),
-        StartRule::Mean => stages::start_scale(std::slice::from_ref(&mean), options),
+    let s_max = match rules.start {
+        StartRule::Quantile(quantile) => stages::start_scale(&single, options, quantile),
+        StartRule::Mean => stages::start_scale(std::slice::from_ref(&mean), options, 0.0),
     };
-    let nodes = stages::nodes(&mean, s_max, options.levels);
+    let nodes = stages::nodes(&mean, s_max, LEVELS);
     let noise = stages::quantile(noise, 0.5).unwrap_or(0.0).sqrt();
     FrequencySchedule { s_max: nodes[0].1, nodes, views: spectra.len(), noise: stages::rounded(noise) }
 }

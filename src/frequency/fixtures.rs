@@ -1,6 +1,6 @@
 //! Photos with known spectra for tests.
 
-use super::{FrequencyOptions, FrequencySchedule};
+use super::{FrequencyOptions, FrequencySchedule, RuleSet, ScheduleRules};
 use crate::Result;
 use crate::camera::{Camera, Pinhole, RigidTransform};
 use crate::image::TargetImage;
@@ -89,6 +89,20 @@ pub(super) fn noisy(width: usize, height: usize, values: &[f64], sigma: f64) -> 
 
 /// The schedule of these photos.
 pub(super) fn schedule_of(photos: Vec<TargetImage>, options: &FrequencyOptions) -> FrequencySchedule {
+    schedule_by(photos, options, &options.rules.set())
+}
+
+/// The schedule of these photos by rules of its own.
+pub(super) fn schedule_by(
+    photos: Vec<TargetImage>,
+    options: &FrequencyOptions,
+    rules: &RuleSet,
+) -> FrequencySchedule {
     let photos = Photos(photos.into_iter().map(Arc::new).collect());
-    FrequencySchedule::analyse(&photos, options).unwrap()
+    FrequencySchedule::analyse_by(&photos, options, rules).unwrap()
+}
+
+/// The published settings.
+pub(super) fn paper() -> FrequencyOptions {
+    FrequencyOptions::of(ScheduleRules::Paper)
 }

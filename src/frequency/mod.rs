@@ -17,7 +17,7 @@ mod spectrum;
 mod stages;
 
 pub use budget::SplatBudget;
-pub use options::{CapRule, FrequencyOptions, ScaleRule, StartRule};
+pub use options::{CapRule, FrequencyOptions, RuleSet, ScaleRule, ScheduleRules, StartRule};
 pub use schedule::{FrequencySchedule, SMALLEST_SIDE_PX};
 
 #[cfg(test)]

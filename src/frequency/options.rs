@@ -3,41 +3,90 @@
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-/// How the render scale follows from the continuous scale s(t) (method 7.4).
+/// The rules that a schedule follows; each a set of constants (method 7).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+pub enum ScheduleRules {
+    /// Those that measured best.
+    #[default]
+    Default,
+    /// As published.
+    Paper,
+    /// As in the authors' code.
+    Authors,
+}
+
+impl ScheduleRules {
+    /// What they set.
+    pub fn set(self) -> RuleSet {
+        // Method 7.2 to 7.4; removing noise is not in the paper. The cap is not measured.
+        let default = RuleSet {
+            start: StartRule::Quantile(0.1),
+            removes_noise: true,
+            scale: ScaleRule::Fractional,
+            cap: CapRule::Squared,
+        };
+        let paper = RuleSet {
+            start: StartRule::Mean,
+            removes_noise: false,
+            scale: ScaleRule::Integer,
+            cap: CapRule::Squared,
+        };
+        match self {
+            Self::Default => default,
+            Self::Paper => paper,
+            // The minimum, by which one noisy photo decides for all.
+            Self::Authors => RuleSet { start: StartRule::Quantile(0.0), cap: CapRule::Authors, ..paper },
+        }
+    }
+}
+
+/// What [`ScheduleRules`] set.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RuleSet {
+    /// Which spectra the scale of the first stage follows from.
+    pub start: StartRule,
+    /// Whether white noise is removed from the spectra (method 7.3).
+    pub removes_noise: bool,
+    /// How the render scale follows from the continuous scale.
+    pub scale: ScaleRule,
+    /// How the texture cap follows from the continuous scale.
+    pub cap: CapRule,
+}
+
+/// How the render scale follows from the continuous scale s(t) (method 7.4).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ScaleRule {
-    /// Always full size.
-    Off,
     /// Rounded down to an integer (paper).
     Integer,
     /// Rounded down to a power of 2^(1/4), which gives nine sizes from full to a quarter, few enough to keep the
     /// reduced photos.
-    #[default]
     Fractional,
 }
 
 /// How the texture cap follows from the continuous scale s(t) (method 7.4).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CapRule {
     /// The power of two below 256 / s^2, 4 to 256: texels per splat follow pixels per view.
-    #[default]
     Squared,
     /// 256 / ceil(s), rounded down, with s linear between the stages (authors' code).
     Authors,
 }
 
 /// Which spectra the scale of the first stage follows from (method 7.2).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum StartRule {
-    /// Those of the views, each by itself: a quantile of their scales.
-    #[default]
-    Quantile,
+    /// Those of the views, each by itself: this quantile of the scales at which each view alone would start.
+    Quantile(f64),
     /// Their mean (paper).
     Mean,
 }
+
+/// Number of stages, L (paper, Frequency-Aware Scheduling).
+pub(super) const LEVELS: usize = 32;
+
+/// Largest number of training views that are analysed, evenly picked. Bounds the cost; not measured.
+pub(super) const MAX_VIEWS: usize = 50;
 
 /// Settings of the frequency schedule.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -50,49 +99,23 @@ pub struct FrequencyOptions {
     /// Step of the published timetable at which the last stage begins. Default 20,000 (method 7.2; paper: the end of
     /// densification, 15,000).
     pub until: u32,
-    /// Number of stages, L. Default 32 (paper, Frequency-Aware Scheduling).
-    pub levels: usize,
-    /// Which spectra the first scale follows from. Default `quantile` (method 7.2; paper: `mean`).
-    pub start_rule: StartRule,
-    /// Quantile over views of the scales at which each view alone would start. Default 0.1 (method 7.2; authors'
-    /// code: 0, the minimum, by which one noisy photo decides for all).
-    pub quantile: f64,
-    /// Largest number of training views that are analysed, evenly picked. Default 50 (bounds the cost; not measured).
-    pub max_views: usize,
-    /// Whether white noise is removed from the spectra. Default on (method 7.3; not in the paper).
-    pub noise_robust: bool,
-    /// How the render scale follows. Default `fractional` (method 7.4; paper: `integer`).
-    pub scale_rule: ScaleRule,
-    /// How the texture cap follows. Default `squared` (method 7.4; not measured; authors' code: `authors`).
-    pub cap_rule: CapRule,
+    /// The rules that it follows. Default `default` (method 7).
+    pub rules: ScheduleRules,
 }
 
 impl Default for FrequencyOptions {
     fn default() -> Self {
-        Self {
-            beta: 3.0,
-            max_scale: 4.0,
-            until: 20_000,
-            levels: 32,
-            start_rule: StartRule::default(),
-            quantile: 0.10,
-            max_views: 50,
-            noise_robust: true,
-            scale_rule: ScaleRule::default(),
-            cap_rule: CapRule::default(),
-        }
+        Self { beta: 3.0, max_scale: 4.0, until: 20_000, rules: ScheduleRules::Default }
     }
 }
 
 impl FrequencyOptions {
-    /// The published settings, without our correction of the spectrum.
-    pub fn paper() -> Self {
-        Self {
-            until: 15_000,
-            start_rule: StartRule::Mean,
-            noise_robust: false,
-            scale_rule: ScaleRule::Integer,
-            ..Self::default()
+    /// The settings with these rules; the published ones end with densification.
+    pub fn of(rules: ScheduleRules) -> Self {
+        let default = Self::default();
+        match rules {
+            ScheduleRules::Default => default,
+            ScheduleRules::Paper | ScheduleRules::Authors => Self { rules, until: 15_000, ..default },
         }
     }
 
@@ -112,15 +135,6 @@ impl FrequencyOptions {
         }
         if !(1..=30_000).contains(&self.until) {
             return complain("until", &self.until, "1 to 30000");
-        }
-        if !(2..=1024).contains(&self.levels) {
-            return complain("levels", &self.levels, "2 to 1024");
-        }
-        if !(0.0..=1.0).contains(&self.quantile) {
-            return complain("quantile", &self.quantile, "0 to 1");
-        }
-        if self.max_views == 0 {
-            return complain("max-views", &self.max_views, "at least 1");
         }
         Ok(())
     }

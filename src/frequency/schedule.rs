@@ -79,7 +79,6 @@ impl FrequencySchedule {
         let limit = f64::from(smaller_side_px) / f64::from(SMALLEST_SIDE_PX);
         let scale = self.scale(t).min(limit).max(1.0);
         match rule {
-            ScaleRule::Off => 1.0,
             ScaleRule::Integer => (scale + ROUNDING).floor(),
             ScaleRule::Fractional => {
                 ((scale.log2() * STEPS_PER_OCTAVE + ROUNDING).floor() / STEPS_PER_OCTAVE).exp2()

@@ -11,11 +11,11 @@ const STEPS: f64 = 1e9;
 /// transform leaves about 1e-13 in a constant image.)
 const LEAST_GAIN: f64 = 1e-6;
 
-/// The scale of the first stage: the quantile over views of the scale whose window holds 1 / beta of a view's
+/// The scale of the first stage: a quantile over views of the scale whose window holds 1 / beta of a view's
 /// significance.
-pub(super) fn start_scale(views: &[Windows], options: &FrequencyOptions) -> f64 {
+pub(super) fn start_scale(views: &[Windows], options: &FrequencyOptions, share: f64) -> f64 {
     let scales = views.iter().map(|view| view.solve(view.total() / options.beta, options.max_scale));
-    quantile(scales.collect(), options.quantile).unwrap_or(1.0)
+    quantile(scales.collect(), share).unwrap_or(1.0)
 }
 
 /// A quantile of numbers, linearly interpolated; `None` without numbers.

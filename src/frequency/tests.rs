@@ -1,6 +1,6 @@
 //! Properties of the schedule for images with known spectra.
 
-use super::fixtures::{Photos, fractal, noisy, photo, schedule_of};
+use super::fixtures::{Photos, fractal, noisy, paper, photo, schedule_by, schedule_of};
 use super::*;
 use crate::image::TargetImage;
 
@@ -25,7 +25,7 @@ const SIZE: (usize, usize) = (800, 540);
 #[test]
 fn constant_images_have_one_stage() {
     for value in [0.0, 0.5, 1.0] {
-        for options in [FrequencyOptions::default(), FrequencyOptions::paper()] {
+        for options in [FrequencyOptions::default(), paper()] {
             let schedule = schedule_of(vec![photo(97, 64, |_| [value; 3])], &options);
             assert_eq!(schedule.nodes, FrequencySchedule::flat().nodes, "{value}");
             assert_eq!((schedule.s_max, schedule.views, schedule.scale(0.3)), (1.0, 1, 1.0));
@@ -38,10 +38,10 @@ fn constant_images_have_one_stage() {
 fn white_noise_starts_at_scale_sqrt_beta() {
     let values = vec![0.5; SIZE.0 * SIZE.1];
     let noise = noisy(SIZE.0, SIZE.1, &values, 40.0 / 255.0);
-    let schedule = schedule_of(vec![noise.clone()], &FrequencyOptions::paper());
+    let schedule = schedule_of(vec![noise.clone()], &paper());
     // Needed: 2.01 %; the mean and the zero padding of the gradient are not white.
     assert!((schedule.s_max / 3.0_f64.sqrt() - 1.0).abs() < 0.03, "{}", schedule.s_max);
-    let limited = FrequencyOptions { max_scale: 1.5, ..FrequencyOptions::paper() };
+    let limited = FrequencyOptions { max_scale: 1.5, ..paper() };
     assert_eq!(schedule_of(vec![noise.clone()], &limited).s_max, 1.5);
     // Recognised as noise it requires no resolution, and the schedule is still valid.
     let robust = schedule_of(vec![noise], &FrequencyOptions::default());
@@ -60,7 +60,7 @@ fn fractal_images_match_the_published_formula() {
         (1.6, 4.0, 3_183, 7_906, 0.58),
     ] {
         let values = fractal(SIZE.0, SIZE.1, exponent, 1);
-        let schedule = schedule_of(vec![noisy(SIZE.0, SIZE.1, &values, 0.0)], &FrequencyOptions::paper());
+        let schedule = schedule_of(vec![noisy(SIZE.0, SIZE.1, &values, 0.0)], &paper());
         let (r2, r1) = openings(&schedule);
         let integer = pixel_work(&schedule, ScaleRule::Integer);
         let fractional = pixel_work(&schedule, ScaleRule::Fractional);
@@ -88,7 +88,7 @@ fn noise_removal_keeps_stages_stable() {
         let (step, scale) = moved(&FrequencyOptions::default());
         assert!(step.abs() < 0.03 && scale.abs() < 0.03, "{exponent}: {step} {scale}");
         // Negative control: with the noise left in they move by 19 to 74 %.
-        let (step, scale) = moved(&FrequencyOptions::paper());
+        let (step, scale) = moved(&paper());
         assert!(step < -0.15 && scale < -0.2, "{exponent}: {step} {scale}");
     }
 }
@@ -104,15 +104,13 @@ fn half_detailed(exponent: f64, sigma: f64) -> TargetImage {
 fn noise_removal_keeps_stages_of_noiseless_photos() {
     // Real photos have quiet places, where noise can be told from detail.
     let photo = half_detailed(1.0, 0.0);
-    let (plain, robust) = (
-        schedule_of(vec![photo.clone()], &FrequencyOptions::paper()),
-        schedule_of(vec![photo], &FrequencyOptions::default()),
-    );
+    let (plain, robust) =
+        (schedule_of(vec![photo.clone()], &paper()), schedule_of(vec![photo], &FrequencyOptions::default()));
     assert_eq!(robust.noise, 0.0);
     let ((two, one), (robust_two, robust_one)) = (openings(&plain), openings(&robust));
     assert!(two.abs_diff(robust_two) < 50 && one.abs_diff(robust_one) < 50);
     let noisy = |options: &FrequencyOptions| schedule_of(vec![half_detailed(1.0, 6.0 / 255.0)], options);
-    let (left_in, taken_out) = (noisy(&FrequencyOptions::paper()), noisy(&FrequencyOptions::default()));
+    let (left_in, taken_out) = (noisy(&paper()), noisy(&FrequencyOptions::default()));
     // The estimate is an upper bound.
     assert!((6.0..6.5).contains(&(taken_out.noise * 255.0)), "{}", taken_out.noise * 255.0);
     let moved = |schedule: &FrequencySchedule| (f64::from(openings(schedule).1) / f64::from(one) - 1.0).abs();
@@ -123,14 +121,14 @@ fn noise_removal_keeps_stages_of_noiseless_photos() {
 #[test]
 fn scales_fall_and_caps_rise_from_start_to_end() {
     let values = fractal(200, 136, 1.3, 5);
-    let schedule = schedule_of(vec![noisy(200, 136, &values, 0.0)], &FrequencyOptions::paper());
+    let schedule = schedule_of(vec![noisy(200, 136, &values, 0.0)], &paper());
     let (first, last) = (schedule.nodes[0], schedule.nodes[31]);
     assert_eq!((schedule.nodes.len(), first, last), (32, (0.0, schedule.s_max), (1.0, 1.0)));
     assert!(schedule.nodes.windows(2).all(|n| n[0].0 < n[1].0 && n[0].1 >= n[1].1), "{:?}", schedule.nodes);
     let times: Vec<f64> = (-5..=1010).map(|i| f64::from(i) / 1000.0).collect();
     for t in times.windows(2) {
         assert!(schedule.scale(t[0]) >= schedule.scale(t[1]) && schedule.scale(t[1]) >= 1.0);
-        for rule in [ScaleRule::Off, ScaleRule::Integer, ScaleRule::Fractional] {
+        for rule in [ScaleRule::Integer, ScaleRule::Fractional] {
             let scale = |t| schedule.render_scale(t, rule, 1000);
             assert!(scale(t[0]) >= scale(t[1]) && scale(t[1]) >= 1.0 && scale(t[0]) <= schedule.scale(t[0]));
         }
@@ -160,7 +158,6 @@ fn rules_round_as_documented() {
     assert_eq!(scales(ScaleRule::Integer, 20), [1.0; 4]);
     assert_eq!(scales(ScaleRule::Fractional, 256), [4.0, 2.0, 2.0_f64.sqrt(), 1.0]);
     assert_eq!(schedule.render_scale(0.01, ScaleRule::Fractional, 256), 2.0_f64.powf(1.75));
-    assert_eq!(scales(ScaleRule::Off, 1000), [1.0; 4]);
     assert_eq!(times.map(|t| schedule.texture_cap(t, CapRule::Squared)), [16, 64, 128, 256]);
     // s linear between the nodes: 4, 3.4, 2.6, 1.
     assert_eq!(times.map(|t| schedule.texture_cap(t, CapRule::Authors)), [64, 64, 85, 256]);
@@ -171,18 +168,18 @@ fn rules_round_as_documented() {
 
 #[test]
 fn the_weight_of_a_view_does_not_depend_on_its_size() {
-    let options =
-        FrequencyOptions { quantile: 1.0, start_rule: StartRule::Quantile, ..FrequencyOptions::paper() };
+    let rules = RuleSet { start: StartRule::Quantile(1.0), ..ScheduleRules::Paper.set() };
+    let options = &paper();
     let fine = || noisy(SIZE.0, SIZE.1, &vec![0.5; SIZE.0 * SIZE.1], 0.15);
     let coarse = |w: usize, h: usize| noisy(w, h, &fractal(w, h, 1.3, 2), 0.0);
     let one = |schedule: &FrequencySchedule| openings(schedule).1;
-    let same = one(&schedule_of(vec![fine(), coarse(SIZE.0, SIZE.1)], &options));
-    let smaller = one(&schedule_of(vec![fine(), coarse(267, 180)], &options));
-    let alone = one(&schedule_of(vec![coarse(267, 180)], &options));
+    let same = one(&schedule_by(vec![fine(), coarse(SIZE.0, SIZE.1)], options, &rules));
+    let smaller = one(&schedule_by(vec![fine(), coarse(267, 180)], options, &rules));
+    let alone = one(&schedule_by(vec![coarse(267, 180)], options, &rules));
     // Needed: 480 steps, since the spectrum of a smaller fractal has fewer octaves.
     assert!(same.abs_diff(smaller) < 700, "{same} {smaller}");
     // Weighted by its pixels, the small view would make no difference; alone, it decides.
-    let unnoticed = one(&schedule_of(vec![fine()], &options));
+    let unnoticed = one(&schedule_by(vec![fine()], options, &rules));
     assert!(smaller > unnoticed + 2_000 && alone > smaller + 500, "{unnoticed} {smaller} {alone}");
 }
 
@@ -213,13 +210,12 @@ fn one_noisy_photo_does_not_set_the_first_scale() {
         (0..20).map(|seed| noisy(120, 90, &fractal(120, 90, 1.3, seed), 0.0)).collect();
     photos[7] = noisy(120, 90, &vec![0.5; 120 * 90], 0.2);
     let start = |quantile: f64| {
-        let start_rule = StartRule::Quantile;
-        schedule_of(photos.clone(), &FrequencyOptions { quantile, start_rule, ..FrequencyOptions::paper() })
-            .s_max
+        let rules = RuleSet { start: StartRule::Quantile(quantile), ..ScheduleRules::Paper.set() };
+        schedule_by(photos.clone(), &paper(), &rules).s_max
     };
     assert!(start(0.0) < 1.9 && start(0.1) > 3.0, "{} {}", start(0.0), start(0.1));
     // Of the mean, one photo is a twentieth.
-    let of_mean = schedule_of(photos.clone(), &FrequencyOptions::paper()).s_max;
+    let of_mean = schedule_of(photos.clone(), &paper()).s_max;
     assert!(of_mean > start(0.0) + 0.1, "{of_mean}");
 }
 
@@ -249,16 +245,13 @@ fn schedules_do_not_depend_on_threads_and_round_trip_as_json() {
 
 #[test]
 fn settings_are_read_by_name_and_checked() {
-    let options: FrequencyOptions = toml::from_str("max-scale = 3.0\nscale-rule = \"fractional\"").unwrap();
-    assert_eq!((options.max_scale, options.beta, options.scale_rule), (3.0, 3.0, ScaleRule::Fractional));
+    let options: FrequencyOptions = toml::from_str("max-scale = 3.0\nrules = \"paper\"").unwrap();
+    assert_eq!((options.max_scale, options.beta, options.rules), (3.0, 3.0, ScheduleRules::Paper));
     assert!(toml::from_str::<FrequencyOptions>("max_scale = 3.0").is_err());
     let wrong = [
         ("beta", FrequencyOptions { beta: 1.0, ..FrequencyOptions::default() }),
         ("beta", FrequencyOptions { beta: f64::NAN, ..FrequencyOptions::default() }),
         ("max-scale", FrequencyOptions { max_scale: 0.5, ..FrequencyOptions::default() }),
-        ("levels", FrequencyOptions { levels: 1, ..FrequencyOptions::default() }),
-        ("quantile", FrequencyOptions { quantile: 1.5, ..FrequencyOptions::default() }),
-        ("max-views", FrequencyOptions { max_views: 0, ..FrequencyOptions::default() }),
     ];
     for (name, options) in wrong {
         let error = FrequencySchedule::analyse(&Photos(vec![]), &options).unwrap_err();

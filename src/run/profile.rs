@@ -2,7 +2,7 @@
 //! settings one by one.
 
 use crate::backend::LossWeights;
-use crate::frequency::{CapRule, FrequencyOptions, StartRule};
+use crate::frequency::{FrequencyOptions, ScheduleRules};
 use crate::model::Filter;
 use crate::train::density::DensityConfig;
 use crate::train::{Backdrop, Policy, TrainConfig};
@@ -113,18 +113,13 @@ impl Profile {
             Self::Paper => {
                 config.policy = Policy::Paper;
                 config.density = paper();
-                config.scheduler = FrequencyOptions::paper();
+                config.scheduler = FrequencyOptions::of(ScheduleRules::Paper);
                 config.loss = LossWeights::PUBLISHED;
             }
             Self::Authors => {
                 config.policy = Policy::Authors;
                 config.density = DensityConfig { patience_steps: 0, ..paper() };
-                config.scheduler = FrequencyOptions {
-                    cap_rule: CapRule::Authors,
-                    start_rule: StartRule::Quantile,
-                    quantile: 0.0,
-                    ..FrequencyOptions::paper()
-                };
+                config.scheduler = FrequencyOptions::of(ScheduleRules::Authors);
                 config.loss = LossWeights { mse: 0.03, ..LossWeights::PUBLISHED };
             }
             Self::Cat => {

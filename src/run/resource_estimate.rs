@@ -7,8 +7,8 @@
 use crate::capture::Capture;
 use crate::model::{MAP_PARAMS, Model, ModelSize, TEXEL_PARAMS, splat_params};
 use crate::text::{format_bytes, format_count, format_duration};
-use crate::train::density::{Budget, MapRule};
-use crate::train::{Policy, Schedule, TrainConfig};
+use crate::train::density::{Budget, MapRule, SplitShare};
+use crate::train::{Schedule, TrainConfig};
 use crate::views::{Split, ViewSource as _};
 use crate::{Error, Result};
 
@@ -143,20 +143,17 @@ impl Workload {
     pub fn grown(&self, config: &TrainConfig) -> Self {
         let budget = &Schedule::new(config, self.train_views as usize).budget(config, 0);
         let bound = |most: Option<usize>| most.map_or(u64::MAX, |most| most as u64);
-        let relocates = config.policy == Policy::Plain;
-        let has_budget = budget.max_splats.is_some() || budget.max_params.is_some();
-        let wanted = if config.splits_any_length() || (relocates && has_budget) {
-            u64::MAX / 64
-        } else if relocates && *budget == Budget::default() {
-            self.splats
-        } else {
-            EXPECTED_GROWTH * self.splats
+        let rule = config.rule();
+        let wanted = match rule.split_share {
+            SplitShare::Fixed(share) if share == 0.0 => self.splats,
+            SplitShare::Fixed(_) => u64::MAX / 64,
+            SplitShare::Scheduled => EXPECTED_GROWTH * self.splats,
         };
         // Splats lose bands that they do not need, soon after these were trained.
         let splat_params = self.splat_params.min(splat_params(config.least_sh_degree()) as u64);
         let grown = Self { splat_params, ..*self };
         let texels_each =
-            if config.splits_any_length() { EXPECTED_BUDGET_TEXELS_EACH } else { EXPECTED_TEXELS_EACH };
+            if rule.splits_any_length { EXPECTED_BUDGET_TEXELS_EACH } else { EXPECTED_TEXELS_EACH };
         let splats = wanted.min(bound(budget.max_splats)).min(bound(budget.max_params) / grown.params(1, 0));
         let texels = match config.policy.spec().map_rule {
             MapRule::None => 0,
@@ -403,7 +400,7 @@ mod tests {
         assert_eq!(grown("fixed:4", most(Some(20_000), None, None)), (20_000, 320_000));
         assert_eq!(grown("plain", Budget::default()), (n, 0));
         assert_eq!(grown("plain", most(None, None, Some(2_200_000))), (100_000, 0));
-        assert_eq!(grown("plain", most(None, Some(5), None)), (2 * n, 0), "texels do not bound splats");
+        assert_eq!(grown("plain", most(None, Some(5), None)), (n, 0), "a bound on texels is no budget");
         for (budget, said) in
             [(Budget::default(), "no budget"), (most(Some(9), None, None), "within the budget")]
         {

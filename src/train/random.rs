@@ -15,8 +15,10 @@ pub(super) enum RandomStream {
     ViewOrder,
     /// The background of a step.
     Background,
-    /// What a density-control step and the round of pruning after it draw.
-    Revision,
+    /// What a density-control step draws.
+    Growth,
+    /// What a round of pruning draws.
+    Pruning,
 }
 
 impl RandomStream {
@@ -26,7 +28,8 @@ impl RandomStream {
         let (purpose, factor) = match self {
             Self::ViewOrder => (0x7669_6577, GOLDEN),
             Self::Background => (0, 0xD1B5_4A32_D192_ED03),
-            Self::Revision => (0, GOLDEN),
+            Self::Growth => (0, GOLDEN),
+            Self::Pruning => (0x7072_756E, GOLDEN),
         };
         run_seed ^ (purpose << 32 | u64::from(number)).wrapping_mul(factor)
     }
@@ -40,12 +43,12 @@ impl RandomStream {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use RandomStream::{Background, Revision, ViewOrder};
+    use RandomStream::{Background, Growth, Pruning, ViewOrder};
 
     #[test]
     fn streams_differ_by_purpose_number_and_seed() {
         let mut seeds = Vec::new();
-        for stream in [ViewOrder, Background, Revision] {
+        for stream in [ViewOrder, Background, Growth, Pruning] {
             for (run_seed, number) in [(42, 1), (42, 2), (43, 1)] {
                 seeds.push(stream.seed(run_seed, number));
             }

@@ -2,7 +2,7 @@
 //! and 6.1).
 
 use super::config::TrainConfig;
-use super::density::{Budget, Policy, Rule};
+use super::density::{Budget, Policy};
 use crate::backend::LearningRates;
 
 /// Length of the published timetable.
@@ -18,6 +18,12 @@ const NEED_UNTIL: u32 = 22_000;
 /// of the steps; and least steps from the end of densification to the last round.
 const PRUNE_UNTIL: f64 = 24_000.0;
 const PRUNE_STEPS: f64 = 4_000.0;
+
+/// Most rounds of pruning, from the end of densification to the last fifth of the steps; two in short runs (method 6.15).
+const PRUNE_ROUNDS: u32 = 4;
+
+/// Steps for which an SH band is trained before it is tested (published timetable; method 6.13).
+const SH_TRIAL: f64 = 7_000.0;
 
 /// Views that a round probes, at most. A splat that only other views see would look idle.
 pub const MOST_PROBES: usize = 64;
@@ -64,18 +70,18 @@ impl Schedule {
         let s = f64::from(config.steps) / PUBLISHED_STEPS;
         let at = |published: f64| ((published * s).round() as u32).max(1);
         let c = &config.density;
-        let rule = config.policy.spec().rule;
-        let [interval, least] = rule.interval(config.splits_any_length(), config.steps, train_views);
-        let most = c.interval.unwrap_or(interval).max(1);
-        let density_interval = at(most.into()).clamp(least.min(most), most);
+        let rule = config.rule();
+        let epoch = (train_views as u32).clamp(rule.epoch[0], rule.epoch[1]);
+        let usual = || at(rule.interval.into()).clamp(epoch.min(rule.interval), rule.interval);
+        let density_interval = c.interval.map_or_else(usual, |interval| at(interval.into()));
         // To see whether growth pays takes several windows at full image size.
-        let needs = rule == Rule::Litetex && c.need_db > 0.0;
+        let needs = rule.ends_by_need && c.need_db > 0.0;
         let usual = config.policy.spec().densify_until;
         let until = c.densify_until.unwrap_or(if needs { usual.max(NEED_UNTIL) } else { usual });
         let patience = (f64::from(c.patience_steps) * s / f64::from(density_interval)).round();
         Self {
             sh_interval: at(1_000.0),
-            sh_trial: at(f64::from(config.density.sh_trial_steps)),
+            sh_trial: at(SH_TRIAL),
             texture_start: at(c.texture_start.into()),
             position_end: at(24_000.0),
             density_interval,
@@ -85,7 +91,7 @@ impl Schedule {
             prune_until: at(f64::from(until) + PRUNE_STEPS).max(at(PRUNE_UNTIL)),
             full_size_from: at(config.scheduler.until.into()),
             coarsen_interval: at(1_000.0),
-            crop_interval: if density_interval >= 100 && matches!(rule, Rule::Paper(_)) {
+            crop_interval: if density_interval >= 100 && rule.crops_between {
                 density_interval * 2 / 5
             } else {
                 0
@@ -104,7 +110,7 @@ impl Schedule {
         }
         let probes = train_views.clamp(1, MOST_PROBES) as u32;
         let affordable = (config.steps / STEPS_PER_PROBE / probes).max(2);
-        Self { prune_rounds: affordable.min(config.density.prune_rounds), ..self }
+        Self { prune_rounds: affordable.min(PRUNE_ROUNDS), ..self }
     }
 
     /// Bounds of the model after a step: while it grows, it may exceed the user's budget of parameters, which pruning then
@@ -171,7 +177,12 @@ impl Schedule {
         let mut out: Vec<String> = config
             .unused_settings()
             .into_iter()
-            .map(|name| format!("density.{name}: the policy {} does not use it here", config.policy))
+            .map(|name| {
+                format!(
+                    "density.{name}: it cannot act with the policy {} and the other settings",
+                    config.policy
+                )
+            })
             .collect();
         let densifying = checks_until(self.densify_until);
         if densifying == 0 && (parts.growth || parts.splitting || config.policy == Policy::Plain) {
@@ -285,6 +296,51 @@ mod tests {
     }
 
     #[test]
+    fn settings_that_cannot_act_are_named() {
+        let changed = DensityConfig {
+            need_db: 0.1,
+            floor_db: 41.0,
+            merge: false,
+            overshoot: Some(3.0),
+            quantile: 0.7,
+            coarsen_below: 0.01,
+            split_texels: [9.0; 2],
+            sh_raise: 0.03,
+            prune_area: 1e-5,
+            ..DensityConfig::default()
+        };
+        let unused = |policy: &str, density: &DensityConfig, max_params, pruning| {
+            let mut config = TrainConfig { policy: policy.parse().unwrap(), ..TrainConfig::default() };
+            (config.density, config.budget.max_params) = (density.clone(), max_params);
+            config.components.pruning = pruning;
+            let inactive = Schedule::new(&config, 43).inactive(&config).into_iter();
+            let name = |what: String| Some(what.strip_prefix("density.")?.split_once(':')?.0.to_owned());
+            inactive.filter_map(name).collect::<Vec<_>>().join(" ")
+        };
+        let budget = Some(1_000_000);
+        let unpruned = DensityConfig { prune_db: 0.0, sh_below: 0.0, ..changed.clone() };
+        for (policy, density, budget, pruning, expected) in [
+            ("litetex", &changed, None, true, "overshoot"),
+            ("litetex", &changed, budget, true, "merge split-texels"),
+            (
+                "litetex",
+                &DensityConfig { need_db: 0.0, ..changed.clone() },
+                budget,
+                true,
+                "floor-db merge split-texels",
+            ),
+            ("litetex", &unpruned, None, false, "floor-db merge overshoot prune-area sh-raise"),
+            ("fixed:4", &changed, None, true, "coarsen-below merge overshoot"),
+            ("none", &changed, budget, true, "coarsen-below merge quantile split-texels"),
+            ("paper", &changed, None, true, "need-db overshoot sh-raise"),
+            ("plain", &changed, budget, true, "coarsen-below merge prune-area quantile split-texels"),
+            ("litetex", &DensityConfig::default(), budget, false, ""),
+        ] {
+            assert_eq!(unused(policy, density, budget, pruning), expected, "{policy} {budget:?}");
+        }
+    }
+
+    #[test]
     fn short_runs_scale_the_published_timetable() {
         let config = TrainConfig::default();
         let published = Schedule::new(&config, 300);
@@ -316,11 +372,11 @@ mod tests {
         assert_eq!(intervals(&of(Policy::Litetex, budget)), [17, 25, 25]);
         assert_eq!(intervals(&of(Policy::Plain, none)), [3, 25, 25]);
         assert_eq!(intervals(&of(Policy::Paper, budget)), [33, 43, 50]);
-        // A set interval is that, whatever the budget.
-        for budget in [none, budget] {
+        // A set interval is that, whatever views and budget.
+        for (budget, interval) in [none, budget].into_iter().flat_map(|b| [(b, 250), (b, 1_000)]) {
             let mut set = of(Policy::Litetex, budget);
-            set.density.interval = Some(20);
-            assert_eq!(intervals(&set), [if budget == none { 20 } else { 17 }, 20, 20]);
+            set.density.interval = Some(interval);
+            assert_eq!(intervals(&set), [(interval + 15) / 30; 3]);
         }
         let long = |policy| TrainConfig { steps: 30_000, ..of(policy, none) };
         let cropping = |policy| Schedule::new(&long(policy), 43).crop_interval;
@@ -329,14 +385,6 @@ mod tests {
         let inactive = Schedule::new(&tiny, 43).inactive(&tiny);
         assert!(inactive.len() == 3 && inactive[0].starts_with("growth"), "{inactive:?}");
         assert!(inactive.iter().any(|what| what.starts_with("pruning after growth")), "{inactive:?}");
-        let unused = |policy, budget| {
-            let density = DensityConfig { quantile: 0.7, split_texels: [9.0; 2], ..DensityConfig::default() };
-            let config = TrainConfig { policy, budget, density, ..config.clone() };
-            let inactive = Schedule::new(&config, 43).inactive(&config);
-            inactive.iter().filter(|what| what.starts_with("density.")).count()
-        };
-        assert_eq!([Budget::default(), budget].map(|budget| unused(Policy::Litetex, budget)), [0, 1]);
-        assert_eq!([Policy::Plain, Policy::Paper].map(|policy| unused(policy, budget)), [1, 0]);
         assert!(short.is_density_step(43) && !short.is_density_step(44));
         assert!(!short.is_density_step(301) && short.density_end == 290);
         assert_eq!((published.patience, published.densify_until), (8, 15_000));

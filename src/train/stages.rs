@@ -43,13 +43,13 @@ pub fn stage_spans(
     config: &TrainConfig,
     (width_px, height_px): (u32, u32),
 ) -> Vec<StageSpan> {
-    let options = &config.scheduler;
+    let rules = config.scheduler.rules.set();
     // Steps done before this one: the first is rendered at the scale of the start.
     let share = |step: u32| timetable.stage_share(step - 1);
     let level = |step: u32| {
         let t = share(step);
-        let render_scale = schedule.render_scale(t, options.scale_rule, width_px.min(height_px));
-        (render_scale, schedule.texture_cap(t, options.cap_rule))
+        let render_scale = schedule.render_scale(t, rules.scale, width_px.min(height_px));
+        (render_scale, schedule.texture_cap(t, rules.cap))
     };
     let mut stages: Vec<StageSpan> = Vec::new();
     let mut next = Some(1);
@@ -95,23 +95,20 @@ fn reduced(side_px: u32, scale: f64) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frequency::{CapRule, FrequencyOptions, ScaleRule};
+    use crate::frequency::{FrequencyOptions, ScheduleRules};
 
     /// Stages of a schedule with several nodes, from 900x700 px.
-    fn of(
-        steps: u32,
-        scale_rule: ScaleRule,
-        cap_rule: CapRule,
-    ) -> (Vec<StageSpan>, impl Fn(u32) -> (f64, u16)) {
+    fn of(steps: u32, rules: ScheduleRules) -> (Vec<StageSpan>, impl Fn(u32) -> (f64, u16)) {
         let nodes = vec![(0.0, 3.7), (0.2, 2.9), (0.21, 1.8), (0.7, 1.2), (1.0, 1.0)];
         let schedule = FrequencySchedule { s_max: 3.7, nodes, views: 3, noise: 0.0 };
-        let scheduler = FrequencyOptions { scale_rule, cap_rule, ..FrequencyOptions::default() };
+        let scheduler = FrequencyOptions { rules, ..FrequencyOptions::default() };
+        let set = rules.set();
         let config = TrainConfig { steps, scheduler, ..TrainConfig::default() };
         let timetable = Schedule::new(&config, 10);
         let stages = stage_spans(&schedule, &timetable, &config, (900, 700));
         let level = move |step: u32| {
             let t = timetable.stage_share(step - 1);
-            (schedule.render_scale(t, scale_rule, 700), schedule.texture_cap(t, cap_rule))
+            (schedule.render_scale(t, set.scale, 700), schedule.texture_cap(t, set.cap))
         };
         (stages, level)
     }
@@ -119,24 +116,21 @@ mod tests {
     #[test]
     fn stages_equal_those_counted_step_by_step() {
         for steps in [1, 2, 3, 10, 299, 1_000, 30_000] {
-            for scale_rule in [ScaleRule::Off, ScaleRule::Integer, ScaleRule::Fractional] {
-                for cap_rule in [CapRule::Squared, CapRule::Authors] {
-                    let (stages, level) = of(steps, scale_rule, cap_rule);
-                    let found = stages.iter().flat_map(|s| {
-                        (s.first_step..=s.last_step).map(|step| (step, (s.render_scale, s.texture_cap)))
-                    });
-                    assert!(found.eq((1..=steps).map(|step| (step, level(step)))), "{steps} {scale_rule:?}");
-                    assert!(stages.windows(2).all(|s| level(s[0].last_step) != level(s[1].first_step)));
-                }
+            for rules in [ScheduleRules::Default, ScheduleRules::Paper, ScheduleRules::Authors] {
+                let (stages, level) = of(steps, rules);
+                let found = stages.iter().flat_map(|s| {
+                    (s.first_step..=s.last_step).map(|step| (step, (s.render_scale, s.texture_cap)))
+                });
+                assert!(found.eq((1..=steps).map(|step| (step, level(step)))), "{steps} {rules:?}");
+                assert!(stages.windows(2).all(|s| level(s[0].last_step) != level(s[1].first_step)));
             }
         }
     }
 
     #[test]
     fn stages_of_the_longest_run_match_those_of_the_usual_one() {
-        let rules = (ScaleRule::Fractional, CapRule::Squared);
-        let (mut usual, _) = of(30_000, rules.0, rules.1);
-        let (mut longest, _) = of(u32::MAX, rules.0, rules.1);
+        let (mut usual, _) = of(30_000, ScheduleRules::Default);
+        let (mut longest, _) = of(u32::MAX, ScheduleRules::Default);
         assert_eq!(longest[longest.len() - 1].last_step, u32::MAX);
         // Fine steps find a stage between two jumps that usual steps take as one.
         [&mut usual, &mut longest].into_iter().for_each(|stages| stages.retain(|s| s.pixel_share > 1e-3));

@@ -1,7 +1,7 @@
 //! Makes a density-control step: reads the statistics window, lets [`density`] decide, and has the backend apply the plan.
 
 use super::config::{Exposure, TrainConfig};
-use super::density::{self, DensityCounts, Revision, Rule, SPLIT_RATE, Situation, SplatHistory, Timing};
+use super::density::{self, DensityCounts, Revision, Situation, SplatHistory, SplitShare, Timing};
 use super::exposure::Exposures;
 use super::random::RandomStream;
 use super::schedule::Schedule;
@@ -30,10 +30,10 @@ impl Stage {
         smaller_side_px: u32,
         step: u32,
     ) -> Self {
-        let t = schedule.stage_share(step);
+        let (t, rules) = (schedule.stage_share(step), config.scheduler.rules.set());
         Self {
-            render_scale: frequency.render_scale(t, config.scheduler.scale_rule, smaller_side_px),
-            texture_cap: frequency.texture_cap(t, config.scheduler.cap_rule),
+            render_scale: frequency.render_scale(t, rules.scale, smaller_side_px),
+            texture_cap: frequency.texture_cap(t, rules.cap),
         }
     }
 }
@@ -95,19 +95,11 @@ impl DensityControl<'_> {
         // The last step of densification may spend the whole budget.
         let is_last = step + schedule.density_interval >= schedule.densify_until;
         let share = if is_last { 1.0 } else { t };
-        let has_budget = config.budget.max_splats.or(config.budget.max_params).is_some();
-        let split_share = match spec.rule {
-            // Without a budget the number of splats stays the same.
-            Rule::Plain => {
-                if has_budget {
-                    SPLIT_RATE
-                } else {
-                    0.0
-                }
-            }
-            Rule::Litetex if config.splits_any_length() => SPLIT_RATE,
-            Rule::Litetex | Rule::Paper(_) if !components.scheduler => UNSCHEDULED_SPLIT_RATE,
-            Rule::Litetex | Rule::Paper(_) => state.pace.rate(n, share, self.stage.render_scale),
+        let rule = config.rule();
+        let split_share = match rule.split_share {
+            SplitShare::Fixed(share) => share,
+            SplitShare::Scheduled if !components.scheduler => UNSCHEDULED_SPLIT_RATE,
+            SplitShare::Scheduled => state.pace.rate(n, share, self.stage.render_scale),
         };
         let max_splits = (split_share * n as f64) as usize;
         let timing = Timing {
@@ -121,7 +113,7 @@ impl DensityControl<'_> {
                 as u16,
             sh_highest: config.sh_degree,
             max_splits,
-            split_texels: (!config.splits_any_length()).then(|| schedule.split_texels(config, step)),
+            split_texels: (!rule.splits_any_length).then(|| schedule.split_texels(config, step)),
             patience: schedule.patience,
             opacity_floor: schedule.opacity_floor(config, step),
         };
@@ -129,13 +121,11 @@ impl DensityControl<'_> {
         let bare = ModelSize::uniform(state.pace.initial, each, 0);
         let degree = config.first_sh_degree(bare, &schedule.budget(config, 0));
         let start = ModelSize::uniform(state.pace.initial, each, degree);
-        let budget = match spec.rule {
-            Rule::Plain => schedule.budget(config, step),
+        let mut budget = schedule.budget(config, step);
+        if rule.is_paced {
             // Only the user's budget is spent evenly over time: the device is a bound, not a budget.
-            Rule::Litetex | Rule::Paper(_) => {
-                schedule.budget(config, step).paced(share, &start, &model.size())
-            }
-        };
+            budget = budget.paced(share, &start, &model.size());
+        }
         let situation = Situation {
             model,
             histories: &state.histories,
@@ -149,7 +139,7 @@ impl DensityControl<'_> {
             timing,
             budget: budget.within(&self.limits),
             initial_splats: state.pace.initial,
-            seed: RandomStream::Revision.seed(config.seed, step),
+            seed: RandomStream::Growth.seed(config.seed, step),
         };
         let revision = density::revise(config.policy, &situation);
         if use_statistics {

@@ -25,16 +25,12 @@ pub use need::Growth;
 pub use ops::coarse::Coarsening;
 pub use ops::regrid::{cropped as cropped_map, window as map_window};
 pub use policy::{FirstMap, Policy, PolicySpec, Rule, policies};
-pub use rule::SPLIT_RATE;
+pub use rule::{RuleSpec, SplitShare};
 pub use settings::{Budget, Components, DensityConfig};
 pub use situation::{DensityCounts, Revision, Situation, Timing};
 pub use sizes::MapRule;
 
 /// Decides a density-control step.
 pub fn revise(policy: Policy, s: &Situation<'_>) -> Revision {
-    match policy.spec().rule {
-        Rule::Litetex => rule::litetex::revise(s),
-        Rule::Paper(variant) => rule::paper::revise(s, &variant),
-        Rule::Plain => rule::plain::revise(s),
-    }
+    policy.spec().rule.revise(s)
 }

@@ -95,43 +95,6 @@ pub enum Rule {
     Plain,
 }
 
-/// Fewest steps between density-control steps, but at most a thirtieth of the run: an epoch of fewer views would let maps grow
-/// more often (method 6.1).
-const FEWEST_STEPS: u32 = 35;
-
-impl Rule {
-    /// Settings of density control that the rule does not use, by name.
-    pub fn unused(self, splits_any_length: bool) -> &'static [&'static str] {
-        match self {
-            Self::Litetex if splits_any_length => &["split-texels"],
-            Self::Litetex => &[],
-            Self::Paper(_) => &["need-db", "sh-trial-steps"],
-            Self::Plain => &[
-                "need-db",
-                "quantile",
-                "coarsen-below",
-                "grow-by-axis",
-                "prune-contribution",
-                "prune-area",
-                "patience-steps",
-            ],
-        }
-    }
-
-    /// Steps of the published timetable between density-control steps, and the least number of a run of `steps`: an epoch, within
-    /// bounds. What splits splats of any length is as frequent as `plain`, except with few views (3DGS-MCMC: 100; paper,
-    /// Contribution- and Area-Aware Geometric Management: 250).
-    pub fn interval(self, splits_any_length: bool, steps: u32, train_views: usize) -> [u32; 2] {
-        let fewest = (steps / 30).clamp(1, FEWEST_STEPS);
-        let (interval, fewest, most) = match self {
-            Self::Litetex if splits_any_length => (100, fewest.div_ceil(2), 25),
-            Self::Litetex | Self::Paper(_) => (250, fewest, 50),
-            Self::Plain => (100, 1, 25),
-        };
-        [interval, (train_views as u32).clamp(fewest, most)]
-    }
-}
-
 impl Policy {
     /// Every policy; one with a parameter stands for all its values.
     const ALL: [Self; 7] =

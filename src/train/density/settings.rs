@@ -54,7 +54,7 @@ impl Default for Components {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
 pub struct DensityConfig {
-    /// Steps between density-control steps. Default: what the policy says.
+    /// Steps between density-control steps. Default: what the policy says, or an epoch of a short run (method 6.1).
     pub interval: Option<u32>,
     /// First density-control step that uses statistics. Default 500 (authors' configuration; not measured).
     pub start: u32,
@@ -62,8 +62,9 @@ pub struct DensityConfig {
     pub densify_until: Option<u32>,
     /// Step from which texels are trained. Default 1,000 (authors' configuration; not measured).
     pub texture_start: u32,
-    /// Growth ends where 10 % more parameters lower the error of the training views by less than this, dB of PSNR (method 6.14);
-    /// 0: it ends with densification (default; the paper).
+    /// Parameters that the scene does not need are left out, with a budget too: growth ends where 10 % more of them lower the
+    /// error of the training views by less than this, dB of PSNR, and pruning does not stop at the budget (method 6.14). 0:
+    /// growth ends with densification (default; the paper).
     pub need_db: f64,
     /// Pruning takes the last 10 % of the parameters where that costs the training views less than this, dB of PSNR; 0: no
     /// pruning after growth (the paper). Default 0.05 (method 6.15).
@@ -73,13 +74,10 @@ pub struct DensityConfig {
     pub floor_db: f64,
     /// Whether pruning merges neighbours that lie in one plane. Default on (method 6.16).
     pub merge: bool,
-    /// Most rounds of pruning, from the end of densification to the last fifth of the steps; two in short runs.
-    /// Default 4 (method 6.15).
-    pub prune_rounds: u32,
     /// How far growth may exceed a budget of parameters, which pruning then meets, as a factor. Default: what the policy says.
     pub overshoot: Option<f64>,
-    /// Quantile of the error above which maps may be refined and are not coarsened and, without a budget of parameters, splats split. Default 0.6 (method 6.6; paper: 0.85, for
-    /// Tanks & Temples 0.6).
+    /// Quantile above which the error of a splat is high. Maps of such splats may be refined and are not coarsened; without a budget
+    /// of parameters, only such splats are split. Default 0.6 (method 6.6; paper: 0.85, for Tanks & Temples 0.6).
     pub quantile: f64,
     /// Finest texel, in pixels of the nearest camera at the image size of the stage. Default 2 (CAT; method 6.5).
     pub min_texel_px: f64,
@@ -101,8 +99,6 @@ pub struct DensityConfig {
     /// A splat may gain another SH band if its highest one, once tested, changes its colour by this much, measured as for
     /// `sh_below`; 0, or `sh_below` 0: none. Default 0.02 (method 6.13).
     pub sh_raise: f64,
-    /// Steps for which a band is trained before it is tested. Default 7,000 (method 6.13).
-    pub sh_trial_steps: u32,
     /// Sum over the training views of blending weight per pixel below which the prune count rises. Default 5e-6
     /// (paper, Contribution- and Area-Aware Geometric Management; method 6.3).
     pub prune_contribution: f64,
@@ -127,7 +123,6 @@ impl Default for DensityConfig {
             prune_db: 0.05,
             floor_db: 40.0,
             merge: true,
-            prune_rounds: 4,
             overshoot: None,
             quantile: 0.6,
             min_texel_px: 2.0,
@@ -137,7 +132,6 @@ impl Default for DensityConfig {
             split_texels: [64.0, 16.0],
             sh_below: 0.01,
             sh_raise: 0.02,
-            sh_trial_steps: 7_000,
             prune_contribution: 5e-6,
             prune_area: 5e-5,
             patience_steps: 2_000,

@@ -2,6 +2,7 @@
 
 use super::accept::threshold_for;
 use super::costs::SplatCosts;
+use super::cut::Cut;
 use super::offers::Offers;
 use super::probe::{ProbeView, probe, probed};
 use super::round::{Pruned, Round, TrainingViews, db};
@@ -15,8 +16,9 @@ use rand::seq::SliceRandom as _;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64Mcg;
 
-/// Views on which predictions are checked.
+/// Views on which predictions are checked, and those of the last round.
 const CHECKED_VIEWS: usize = 8;
+const LAST_CHECKED_VIEWS: usize = 32;
 
 /// Width and height of a probe over those of the view. Half of the pixels along each axis lose nothing: +0.05 dB PSNR, -0.01 dB
 /// gradient-PSNR on the mean of four captures (240 pixels, 600 steps, 150,000 parameters: `lab/results/growth-search.jsonl`).
@@ -61,7 +63,8 @@ impl Round {
         let mut rng = Pcg64Mcg::seed_from_u64(self.seed);
         let mut order = training.train_views.to_vec();
         order.shuffle(&mut rng);
-        let checked: Vec<usize> = order.iter().rev().take(CHECKED_VIEWS).copied().collect();
+        let last: Vec<usize> = order.iter().rev().take(LAST_CHECKED_VIEWS).copied().collect();
+        let (checked, more) = last.split_at(CHECKED_VIEWS.min(last.len()));
         let probed = probed(backend.read_flushed()?);
         let params = probed.num_params();
         // An even part of what is too much for the budget.
@@ -74,7 +77,7 @@ impl Round {
                 Ok(None)
             };
         }
-        let error = self.error(backend, training, &checked)?;
+        let error = self.error(backend, training, checked)?;
         let offers = self.probe(backend, training, &probed, &order, &mut rng)?;
         // A budget holds whatever it costs.
         let is_bound = self.budget.is_some() && self.rounds_left == 1;
@@ -86,14 +89,10 @@ impl Round {
         };
         // What the model may lose before it is no longer good enough: merges have what these offers leave.
         let slack = CUT_SLACK * (self.good_enough() - error).max(0.0);
-        let cut = self.cut(
-            backend,
-            training,
-            before,
-            &offers,
-            (&may_go, threshold, error, slack),
-            (&order, &checked),
-        )?;
+        // The last round without a budget is final: it is checked on more views.
+        let more = if self.budget.is_none() && self.rounds_left == 1 { more } else { &[] };
+        let cut = Cut { offers: &offers, may_go: &may_go, threshold, checked, error, more, slack };
+        let cut = self.cut(backend, training, before, &cut)?;
         let (mut outcome, plan) = cut.map_or((None, None), |(outcome, plan)| (Some(outcome), plan));
         let is_cut = plan.is_some();
         let sources = plan.map_or_else(|| (0..probed.num_splats() as u32).collect(), |plan| plan.sources);
@@ -101,7 +100,7 @@ impl Round {
         if let Some(trial) = self.trial.as_ref().filter(|_| error < self.good_enough()) {
             let costs: Vec<Option<SplatCosts>> =
                 sources.iter().map(|&source| offers.costs(source as usize)).collect();
-            let merged = self.merge(backend, training, trial, (&order, &checked), threshold, &costs)?;
+            let merged = self.merge(backend, training, trial, (&order, checked), threshold, &costs)?;
             if let Some(merged) = merged {
                 let none = Pruned { step: self.step, params_before: params, ..Pruned::default() };
                 let outcome = outcome.insert(outcome.filter(|_| is_cut).unwrap_or(none));

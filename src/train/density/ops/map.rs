@@ -6,10 +6,9 @@ use super::regrid::{centred, cropped, merged_moments, surplus};
 use crate::backend::{Grid, MapChange};
 use crate::model::TextureMap;
 use crate::train::density::geometry::{even_texels, first_texel_size};
-use crate::train::density::plan::{PlannedSplat, size_of, with, without};
+use crate::train::density::plan::PlannedSplat;
 use crate::train::density::situation::{DensityCounts, Situation};
 use crate::train::density::sizes::MapRule;
-use crate::train::density::stats::Scores;
 
 /// Maps of `fixed:R` whose texel size is off by less than this factor are kept, since resampling blurs.
 const TOLERATED: f64 = 1.1;
@@ -196,40 +195,16 @@ fn finer_grids(s: &Situation<'_>, splat: usize) -> Vec<[Grid; 2]> {
     }
 }
 
-/// Makes maps smaller, those of the least error first, until the model is within its budget.
-pub fn coarsen_to_budget(
-    s: &Situation<'_>,
-    scores: &Scores,
-    planned_splats: &mut [Option<PlannedSplat>],
-    counts: &mut DensityCounts,
-) {
-    let mut size = size_of(planned_splats.iter().flatten());
-    if s.budget.allows(&size) || s.map_rule != MapRule::Adaptive {
-        return;
+/// A splat whose map is resampled to its side halved this many times; `None` if that saves no texels.
+pub fn halved(s: &Situation<'_>, halvings: u32, planned: &PlannedSplat) -> Option<PlannedSplat> {
+    let map = &s.model.textures.maps[planned.source as usize];
+    if map.rows == 0 || !planned.sizes.has_support() {
+        return None;
     }
-    let mut order: Vec<usize> = (0..planned_splats.len()).filter(|&i| planned_splats[i].is_some()).collect();
-    order.sort_by(|&a, &b| scores.error[a].total_cmp(&scores.error[b]).then(a.cmp(&b)));
-    // Half the side, then a quarter and so on: padding may have added more than one halving removes.
-    for halvings in 1..u16::BITS {
-        for &i in &order {
-            if s.budget.allows(&size) {
-                return;
-            }
-            let Some(planned) = &mut planned_splats[i] else { continue };
-            let map = &s.model.textures.maps[i];
-            if map.rows == 0 || !planned.sizes.has_support() {
-                continue;
-            }
-            let mut smaller = *planned;
-            smaller.history.ceiling = (map.rows.max(map.cols) >> halvings).max(2);
-            stretch(map, &mut smaller);
-            if smaller.texels < planned.texels {
-                counts.coarsened += 1;
-                size = with(without(size, planned), &smaller);
-                *planned = smaller;
-            }
-        }
-    }
+    let mut smaller = *planned;
+    smaller.history.ceiling = (map.rows.max(map.cols) >> halvings).max(2);
+    stretch(map, &mut smaller);
+    (smaller.texels < planned.texels).then_some(smaller)
 }
 
 /// Resamples a map of `fixed:R` that no longer fits its splat's support: its outermost texels lie at the ends, along each

@@ -1,15 +1,16 @@
 //! Growth of `litetex`, and of the policies that differ from it only in their maps (method 6.6): all that a splat could become,
 //! split, with a finer map or another SH band, is drawn by the error that it is expected to remove per parameter.
 
-use super::survivors;
+use super::prepare::{Preparation, Prepared};
+use super::{RuleSpec, SPLIT_RATE, SplitShare};
 use crate::train::density::draw::draw_order;
-use crate::train::density::geometry::pixel_sizes;
 use crate::train::density::ops::band;
 use crate::train::density::ops::map::{self, Moments};
 use crate::train::density::ops::split::{Profile, split_any, split_long};
 use crate::train::density::plan::{Plan, PlannedSplat, cost};
+use crate::train::density::settings::Budget;
 use crate::train::density::situation::{DensityCounts, Revision, Situation};
-use crate::train::density::stats::{ErrorMeasure, Scores};
+use crate::train::density::stats::ErrorMeasure;
 
 /// The share of a splat's error that a finer map is expected to remove, and the share that another SH band is, over the share that
 /// a split removes (method 6.6).
@@ -21,9 +22,6 @@ const RESPAWN_TEXELS: f64 = 2.0;
 
 /// Weight of such splits over that of others: they come last.
 const RESPAWN_WEIGHT: f64 = 1e-6;
-
-/// Makes the seed of the draw another than those of other draws of the step.
-const DRAW_STREAM: u64 = 1;
 
 /// An offer: what a splat could become.
 struct Offer {
@@ -57,42 +55,57 @@ impl Kind {
     }
 }
 
+/// With a budget of parameters, splats of any length are split as often as those of `plain`. Without one, growth follows the
+/// length of splats (method 6.8). `fewest` are the steps of the shortest interval.
+pub fn spec(budget: &Budget, fewest: u32) -> RuleSpec {
+    let without_budget = RuleSpec {
+        unused: &[],
+        interval: 250,
+        epoch: [fewest, 50],
+        split_share: SplitShare::Scheduled,
+        splits_any_length: false,
+        is_paced: true,
+        ends_by_need: true,
+        crops_between: false,
+    };
+    match budget.max_params {
+        None => without_budget,
+        Some(_) => RuleSpec {
+            unused: &["split-texels"],
+            interval: 100,
+            epoch: [fewest.div_ceil(2), 25],
+            split_share: SplitShare::Fixed(SPLIT_RATE),
+            splits_any_length: true,
+            ..without_budget
+        },
+    }
+}
+
 /// Decides a density-control step.
 pub fn revise(s: &Situation<'_>) -> Revision {
-    let scores =
-        Scores::new(s.statistics, s.cameras.len(), ErrorMeasure::Mass, s.settings.prune_contribution);
-    let pixels = pixel_sizes(s.model, s.cameras);
-    let grows = s.timing.grows && s.timing.use_statistics;
-    let high_error =
-        if grows { scores.high_error(s.settings.quantile) } else { vec![false; s.model.num_splats()] };
-    let mut counts = DensityCounts::default();
-    let Some(mut planned) = survivors(s, &scores, &pixels, s.timing.opacity_floor, &mut counts) else {
-        return Revision::none(s);
-    };
-    let mut bands = Vec::new();
-    for planned in planned.iter_mut().flatten() {
-        let splat = planned.source as usize;
-        bands.extend(band::test(s, &scores, planned, &mut counts).map(|_| splat));
-        let may_coarsen = s.timing.may_coarsen && s.timing.use_statistics;
-        map::fit(s, may_coarsen && !high_error[splat], true, planned, &mut counts);
-    }
-    map::coarsen_to_budget(s, &scores, &mut planned, &mut counts);
-    let mut offers = Vec::new();
-    if grows {
-        for planned in planned.iter_mut().flatten() {
-            let splat = planned.source as usize;
-            let found =
-                offers_of(s, planned, high_error[splat], bands.binary_search(&splat).is_ok(), pixels[splat]);
-            offers.extend(found.into_iter().map(|(kind, parts)| {
-                let weight = kind.gain() * scores.error[splat] / cost(planned, &parts);
-                Offer { splat, kind, parts, weight }
-            }));
-        }
-        offers.retain(|offer| offer.weight > 0.0);
-    }
+    let preparation = Preparation { error: ErrorMeasure::Mass, fresh_opacity_floor: None, drops_maps: true };
+    let Some(mut prepared) = preparation.prepare(s) else { return Revision::none(s) };
+    let offers = if s.timing.grows { all_offers(s, &mut prepared) } else { Vec::new() };
+    let Prepared { planned, mut counts, .. } = prepared;
     let mut plan = Plan::new(planned, s.budget);
     take(s, &offers, &mut plan, &mut counts);
     plan.finish(s.model, counts)
+}
+
+/// What all splats could become, without what is expected to gain nothing.
+fn all_offers(s: &Situation<'_>, prepared: &mut Prepared) -> Vec<Offer> {
+    let Prepared { scores, pixels, high_error, may_gain_band, planned, .. } = prepared;
+    let mut offers = Vec::new();
+    for planned in planned.iter_mut().flatten() {
+        let splat = planned.source as usize;
+        let found = offers_of(s, planned, high_error[splat], may_gain_band[splat], pixels[splat]);
+        offers.extend(found.into_iter().map(|(kind, parts)| {
+            let weight = kind.gain() * scores.error[splat] / cost(planned, &parts);
+            Offer { splat, kind, parts, weight }
+        }));
+    }
+    offers.retain(|offer| offer.weight > 0.0);
+    offers
 }
 
 /// What a splat could become. The ceiling of a map that cannot be refined yet is raised, which costs nothing.
@@ -133,7 +146,7 @@ fn offers_of(
 fn take(s: &Situation<'_>, offers: &[Offer], plan: &mut Plan, counts: &mut DensityCounts) {
     let mut is_served = vec![false; s.model.num_splats()];
     let mut is_refused = is_served.clone();
-    for place in draw_order(offers.iter().map(|offer| offer.weight), s.seed ^ DRAW_STREAM) {
+    for place in draw_order(offers.iter().map(|offer| offer.weight), s.seed) {
         let Offer { splat, kind, ref parts, .. } = offers[place];
         let may_split = counts.split + counts.respawned < s.timing.max_splits;
         let has_room = match kind {

@@ -1,13 +1,13 @@
 //! Growth as published, and by its relatives: the program behind the published tables and content-aware texturing (method 6).
 //! High-error splats are split if they are long enough, otherwise their maps are refined, in the order of error.
 
-use super::survivors;
-use crate::train::density::geometry::pixel_sizes;
+use super::prepare::{Preparation, Prepared};
+use super::{RuleSpec, SplitShare};
 use crate::train::density::ops::map::{self, Moments};
 use crate::train::density::ops::split::{Profile, split_long};
 use crate::train::density::plan::{Plan, PlannedSplat};
 use crate::train::density::situation::{DensityCounts, Revision, Situation};
-use crate::train::density::stats::{ErrorMeasure, Scores};
+use crate::train::density::stats::ErrorMeasure;
 
 /// Opacity below which even fresh halves fade.
 const FRESH_OPACITY_MIN: f64 = 0.01;
@@ -23,22 +23,26 @@ pub struct Variant {
     pub first_ceiling: u16,
 }
 
+/// Maps are fitted two and a half times as often as splats are revised (authors' configuration).
+pub fn spec(fewest: u32) -> RuleSpec {
+    RuleSpec {
+        unused: &["sh-raise"],
+        interval: 250,
+        epoch: [fewest, 50],
+        split_share: SplitShare::Scheduled,
+        splits_any_length: false,
+        is_paced: true,
+        ends_by_need: false,
+        crops_between: true,
+    }
+}
+
 /// Decides a density-control step.
 pub fn revise(s: &Situation<'_>, variant: &Variant) -> Revision {
-    let scores = Scores::new(s.statistics, s.cameras.len(), variant.error, s.settings.prune_contribution);
-    let pixels = pixel_sizes(s.model, s.cameras);
-    let grows = s.timing.grows && s.timing.use_statistics;
-    let high_error =
-        if grows { scores.high_error(s.settings.quantile) } else { vec![false; s.model.num_splats()] };
-    let mut counts = DensityCounts::default();
-    let Some(mut planned) = survivors(s, &scores, &pixels, FRESH_OPACITY_MIN, &mut counts) else {
-        return Revision::none(s);
-    };
-    for planned in planned.iter_mut().flatten() {
-        let may_coarsen = s.timing.may_coarsen && s.timing.use_statistics;
-        map::fit(s, may_coarsen && !high_error[planned.source as usize], false, planned, &mut counts);
-    }
-    map::coarsen_to_budget(s, &scores, &mut planned, &mut counts);
+    let preparation =
+        Preparation { error: variant.error, fresh_opacity_floor: Some(FRESH_OPACITY_MIN), drops_maps: false };
+    let Some(prepared) = preparation.prepare(s) else { return Revision::none(s) };
+    let Prepared { scores, pixels, high_error, planned, mut counts, .. } = prepared;
     let mut order: Vec<usize> =
         (0..planned.len()).filter(|&splat| high_error[splat] && planned[splat].is_some()).collect();
     order.sort_by(|&a, &b| scores.error[b].total_cmp(&scores.error[a]).then(a.cmp(&b)));

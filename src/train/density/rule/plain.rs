@@ -3,17 +3,42 @@
 //! carry. This is the relocation of 3DGS-MCMC with halves instead of copies, because coincident copies would always have equal
 //! gradients.
 
-use super::unchanged;
+use super::prepare::unchanged;
+use super::{RuleSpec, SPLIT_RATE, SplitShare};
 use crate::train::density::draw::draw_order;
 use crate::train::density::geometry::{opacity, pixel_sizes};
 use crate::train::density::ops::band;
 use crate::train::density::ops::split::{Profile, split_any};
 use crate::train::density::plan::Plan;
+use crate::train::density::settings::Budget;
 use crate::train::density::situation::{DensityCounts, Revision, Situation};
 use crate::train::density::stats::{ErrorMeasure, Scores};
 
 /// Least weight of a splat in the draw: one that shows no error may still be split.
 const WEIGHT_MIN: f64 = 1e-30;
+
+/// Without a budget the number of splats stays the same (3DGS-MCMC: every 100 steps).
+pub fn spec(budget: &Budget) -> RuleSpec {
+    let has_budget = budget.max_splats.or(budget.max_params).is_some();
+    RuleSpec {
+        unused: &[
+            "quantile",
+            "coarsen-below",
+            "grow-by-axis",
+            "split-texels",
+            "prune-contribution",
+            "prune-area",
+            "patience-steps",
+        ],
+        interval: 100,
+        epoch: [1, 25],
+        split_share: SplitShare::Fixed(if has_budget { SPLIT_RATE } else { 0.0 }),
+        splits_any_length: true,
+        is_paced: false,
+        ends_by_need: false,
+        crops_between: false,
+    }
+}
 
 /// Decides a density-control step. The model gains up to as many splats as the timetable allows besides those that replace faded
 /// ones.

@@ -85,7 +85,10 @@ fn without_statistics_maps_are_only_fitted_to_their_support() {
     let config = settings();
     let revise = |use_statistics| {
         let s = situation(&model, &histories, &statistics, &cameras, &config);
-        litetex::revise(&Situation { timing: Timing { patience: 1, use_statistics, ..TIMING }, ..s })
+        litetex::revise(&Situation {
+            timing: Timing { patience: 1, use_statistics, grows: use_statistics, ..TIMING },
+            ..s
+        })
     };
     let revision = revise(false);
     let plan = revision.plan.unwrap();
