@@ -109,23 +109,28 @@ impl Coarsening {
     /// the texels. `[rows * cols]`
     pub fn sampled(&self, fine: &[f64]) -> Vec<f64> {
         let [along_u, along_v] = &self.along;
-        let cols = along_v.texels;
-        let mean = |row: usize, col: usize| {
-            let pair = |i: usize| along_v.pair(col).map(|j| fine[i * cols + j]).iter().sum::<f64>() / 2.0;
-            along_u.pair(row).map(pair).iter().sum::<f64>() / 2.0
-        };
-        let coarse: Vec<f64> =
-            (0..self.num_texels()).map(|k| mean(k / along_v.count, k % along_v.count)).collect();
-        let sample = |i: usize, j: usize| {
-            let mut sum = 0.0;
-            for (row, by_row) in along_u.taps(i) {
-                for (col, by_col) in along_v.taps(j) {
-                    sum += by_row * by_col * coarse[row * along_v.count + col];
+        let (cols, coarse_cols) = (along_v.texels, along_v.count);
+        let pairs: Vec<[usize; 2]> = (0..coarse_cols).map(|col| along_v.pair(col)).collect();
+        let mut coarse = Vec::with_capacity(self.num_texels());
+        for [a, b] in (0..along_u.count).map(|row| along_u.pair(row)) {
+            let mean = |i: usize, [j, k]: [usize; 2]| (fine[i * cols + j] + fine[i * cols + k]) / 2.0;
+            coarse.extend(pairs.iter().map(|&pair| (mean(a, pair) + mean(b, pair)) / 2.0));
+        }
+        // The taps of columns are the same in every row.
+        let taps: Vec<[(usize, f64); 2]> = (0..cols).map(|j| along_v.taps(j)).collect();
+        let mut sampled = Vec::with_capacity(along_u.texels * cols);
+        for taps_u in (0..along_u.texels).map(|i| along_u.taps(i)) {
+            sampled.extend(taps.iter().map(|taps_v| {
+                let mut sum = 0.0;
+                for (row, by_row) in taps_u {
+                    for (col, by_col) in *taps_v {
+                        sum += by_row * by_col * coarse[row * coarse_cols + col];
+                    }
                 }
-            }
-            sum
-        };
-        (0..along_u.texels * cols).map(|t| sample(t / cols, t % cols)).collect()
+                sum
+            }));
+        }
+        sampled
     }
 }
 
@@ -155,14 +160,13 @@ impl Coarse {
         [0, 1].map(|k| (2 * coarse + k).saturating_sub(self.alone).min(self.texels - 1))
     }
 
-    /// The coarse texels between which a texel's centre lies, with their weights.
-    fn taps(&self, texel: usize) -> impl Iterator<Item = (usize, f64)> {
+    /// The coarse texels between which a texel's centre lies, with their weights: 0 for those outside.
+    fn taps(&self, texel: usize) -> [(usize, f64); 2] {
         let at = if self.is_coarser { ((texel + self.alone) as f64 - 0.5) / 2.0 } else { texel as f64 };
         let (first, f) = (at.floor(), at - at.floor());
-        let count = self.count;
-        [(first, 1.0 - f), (first + 1.0, f)]
-            .into_iter()
-            .filter(move |(at, weight)| *weight > 0.0 && (0.0..count as f64).contains(at))
-            .map(|(at, weight)| (at as usize, weight))
+        [(first, 1.0 - f), (first + 1.0, f)].map(|(at, weight)| {
+            let is_inside = (0.0..self.count as f64).contains(&at);
+            if is_inside { (at as usize, weight) } else { (0, 0.0) }
+        })
     }
 }
