@@ -18,7 +18,7 @@ use litetex_gs::verify::{
     Backends, BakedScene, Contribution, EXPORT_VIEWS, ExpectedImages, GoOn, PhotoPsnr, QualityLimits,
     ReadBack, Rounding, SceneRenderer, Verdict, evenly_spread, find_rounding, find_sh_bits, verify,
 };
-use litetex_gs::{Error, Report, Result};
+use litetex_gs::{Error, Report, Result, usage};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -156,7 +156,7 @@ fn edit(scene: &mut BakedScene, args: &AssetArgs, go_on: GoOn<'_>, log: &Log) ->
             0 => "the scene has no splats",
             _ => "--crop and --min-contribution leave no splats",
         };
-        return Err(Error::Usage(format!("{}: {why}", scene.path.display())));
+        return Err(usage!("{}: {why}", scene.path.display()));
     }
     if let Some(up) = args.up.and_then(|up| up.in_capture) {
         asset.set_up(up);

@@ -69,7 +69,7 @@ fn run_folder(path: &Path) -> Result<Value> {
         let mut summary = Summary::read(&path.join("summary.json"))?;
         if let Some(quality) = &mut summary.quality {
             // For one line per view there is the file itself.
-            quality.per_view.clear();
+            quality.evaluation.per_view.clear();
         }
         summary.curve.clear();
         found["summary"] = json!(summary);

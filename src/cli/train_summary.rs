@@ -10,7 +10,7 @@ pub fn output(s: &Summary) -> Output {
     let mut table = Table::default();
     table.row("scene", &s.scene);
     table.row("steps", format!("{} ({})", format_count(u64::from(s.steps)), s.stopped_by));
-    if let Some(q) = &s.quality {
+    if let Some(q) = s.quality.as_ref().map(|quality| &quality.evaluation) {
         table.row("test PSNR", format!("{:.2} dB", q.psnr));
         table.row("test gradient-PSNR", format!("{:.2} dB", q.grad_psnr));
         table.row("test SSIM (3DGS / valid)", format!("{:.4} / {:.4}", q.ssim_3dgs, q.ssim_valid));

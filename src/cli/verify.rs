@@ -11,7 +11,7 @@ use litetex_gs::verify::{
     ExpectedImages, PhotoPsnr, QualityLimits, ReadBack, SceneRenderer, Verdict, evenly_spread, verify,
 };
 use litetex_gs::views::ViewSource;
-use litetex_gs::{Error, Result};
+use litetex_gs::{Error, Result, usage};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -51,7 +51,7 @@ pub fn run(args: &VerifyArgs, log: &Log) -> Result<Output> {
     let format = Format::of(&args.file).map_err(Error::from)?;
     let file = read_scene(&args.file, log)?;
     let (scene, trained) = load_scene(&args.against, log)?;
-    let Some(contents) = &file.contents else { return Err(Error::Usage("not a file".into())) };
+    let Some(contents) = &file.contents else { return Err(usage!("not a file")) };
     let mut limits = QualityLimits::of_file(&args.file, contents);
     if args.max_loss.is_some() || args.min_psnr.is_some() {
         limits = QualityLimits { max_loss_db: args.max_loss, min_psnr: args.min_psnr, ..QualityLimits::NONE };

@@ -8,7 +8,7 @@ use crate::model::{ModelSize, splat_params};
 use crate::train::density::Budget;
 use crate::train::{Backdrop, Schedule, TrainConfig, TrainState};
 use crate::views::{Split, ViewSource as _};
-use crate::{Error, Report, Result};
+use crate::{Report, Result};
 
 /// The model before the first step, and what was left out on the way.
 ///
@@ -26,12 +26,12 @@ pub fn fresh_model(
     let most =
         budget.most_splats(texels_each, config.least_sh_degree()).min(max_points.unwrap_or(usize::MAX));
     if most == 0 {
-        return Err(Error::Usage(format!(
+        return Err(usage!(
             "the budget leaves no room for a splat: each has {} parameters and, with the policy {}, {texels_each} \
              initial texels; raise budget.max-splats, budget.max-texels, --budget-params or max-points",
             splat_params(config.least_sh_degree()),
             config.policy
-        )));
+        ));
     }
     let points = source.resolve(capture)?;
     let input = InitInput {

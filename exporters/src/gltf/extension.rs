@@ -150,9 +150,9 @@ impl TextureExtension {
                 );
                 return Err(Error::unsupported(path, what));
             }
-            None => return Err(Error::invalid(path, format!("{EXTENSION}: no whole number \"version\""))),
+            None => return Err(invalid!(path, "{EXTENSION}: no whole number \"version\"")),
         }
-        let offence = |what: String| Error::invalid(path, format!("{EXTENSION}: {what}"));
+        let offence = |what: String| invalid!(path, "{EXTENSION}: {what}");
         let found = Self::deserialize(value).map_err(|e| offence(e.to_string()))?;
         let beside = ["rects", "pages", "texelSize", "shift", "shDegree", "sh0", "atlas", "decode", "meta"]
             .into_iter()

@@ -88,7 +88,7 @@ pub(crate) fn encode_files(
 
 /// Encodes a document as JSON.
 pub fn json(document: &Document) -> Result<Vec<u8>> {
-    serde_json::to_vec(document).map_err(|e| Error::invalid("", format!("JSON: {e}")))
+    serde_json::to_vec(document).map_err(|e| invalid!("", "JSON: {e}"))
 }
 
 /// The parts of a file, without container.
@@ -155,8 +155,7 @@ fn points(
     extension: TextureExtension,
 ) -> Result<Primitive> {
     let digest = Digest::of(asset, extension.hash.clone());
-    let extension =
-        serde_json::to_value(extension).map_err(|e| Error::invalid("", format!("{EXTENSION}: {e}")))?;
+    let extension = serde_json::to_value(extension).map_err(|e| invalid!("", "{EXTENSION}: {e}"))?;
     let splatting = Some(Splatting::new(asset.colour_space, extension));
     Ok(Primitive {
         attributes,

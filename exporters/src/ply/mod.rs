@@ -22,6 +22,7 @@ mod scalar;
 mod validate;
 mod write;
 
+pub use header::{Element, Encoding, Header, Kind, Property};
 pub use read::{PlyContents, decode_ply, read_ply};
 pub use scalar::Scalar;
 pub use validate::validate;

@@ -120,8 +120,7 @@ fn num_images(folder: &Path) -> u64 {
 fn read_sparse(folder: &Path, report: &mut Report) -> Result<ColmapSparse> {
     let is_binary = |p: &Path| p.extension().is_some_and(|e| e == "bin");
     let required = |stem: &str| {
-        part(folder, stem)
-            .ok_or_else(|| Error::invalid(folder, format!("neither \"{stem}.bin\" nor \"{stem}.txt\" here")))
+        part(folder, stem).ok_or_else(|| invalid!(folder, "neither \"{stem}.bin\" nor \"{stem}.txt\" here"))
     };
     let cameras = required("cameras")?;
     let images = required("images")?;
@@ -192,7 +191,7 @@ fn lenses(folder: &Path, cameras: &[ColmapCamera]) -> Result<HashMap<u32, Lens>>
     for camera in cameras {
         let lens = lens(camera).map_err(|what| Error::invalid(folder, what))?;
         if lenses.insert(camera.id, lens).is_some() {
-            return Err(Error::invalid(folder, format!("camera {} occurs twice", camera.id)));
+            return Err(invalid!(folder, "camera {} occurs twice", camera.id));
         }
     }
     Ok(lenses)
@@ -260,9 +259,7 @@ fn view(
     point_index: &HashMap<u64, u32>,
     lost: &mut usize,
 ) -> Result<SourceView> {
-    let invalid = |what: String| {
-        Error::invalid(folder, format!("image {} ({}): {what}", image.id, quoted(&image.name)))
-    };
+    let invalid = |what: String| invalid!(folder, "image {} ({}): {what}", image.id, quoted(&image.name));
     if image.name.is_empty() {
         return Err(invalid("its name is empty".to_owned()));
     }

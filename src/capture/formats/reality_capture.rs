@@ -71,7 +71,7 @@ struct Row<'a> {
 
 impl Row<'_> {
     fn invalid(&self, what: impl std::fmt::Display) -> Error {
-        Error::invalid(self.path, format!("line {}: {what}", self.line_number))
+        invalid!(self.path, "line {}: {what}", self.line_number)
     }
 
     fn text(&self, column: &str) -> Option<&str> {
@@ -134,7 +134,7 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
         });
     }
     if columns.is_none() {
-        return Err(Error::invalid(path, format!("no header with the columns {}", REQUIRED.join(", "))));
+        return Err(invalid!(path, "no header with the columns {}", REQUIRED.join(", ")));
     }
     if num_k4 > 0 {
         source.report.warn(
