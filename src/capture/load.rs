@@ -233,15 +233,12 @@ fn find_photos(source: &mut Source, folder: &PhotoFolder, report: &mut Report) -
         ));
     }
     if !missing.is_empty() {
-        report.warn(
-            "views-without-photo",
+        let what = format!(
+            "{} of {total} views have no photo in {} and are left out: {names}",
             missing.len(),
-            format!(
-                "{} of {total} views have no photo in {} and are left out: {names}",
-                missing.len(),
-                text::path(folder.path())
-            ),
+            text::path(folder.path())
         );
+        report.warn("views-without-photo", missing.len(), what);
     }
     Ok(())
 }
@@ -264,17 +261,14 @@ fn find_masks(
     let without: Vec<&str> =
         source.views.iter().filter(|v| v.mask.is_none()).map(|v| v.name.as_str()).collect();
     if !without.is_empty() {
-        report.warn(
-            "views-without-mask",
+        let what = format!(
+            "{} of {} views have no mask in {}, so all their pixels count: {}",
             without.len(),
-            format!(
-                "{} of {} views have no mask in {}, so all their pixels count: {}",
-                without.len(),
-                source.views.len(),
-                text::path(masks.path()),
-                first_names(without)
-            ),
+            source.views.len(),
+            text::path(masks.path()),
+            first_names(without)
         );
+        report.warn("views-without-mask", without.len(), what);
     }
     Ok(Some(masks))
 }
@@ -288,16 +282,13 @@ fn warn_of_files_outside(root: &Path, source: &Source, named: &[Option<PhotoFold
     let files = source.views.iter().flat_map(|v| [&v.photo, &v.mask]).chain([&source.points_file]).flatten();
     let outside: Vec<&PathBuf> = files.filter(|p| !known(p)).collect();
     if !outside.is_empty() {
-        report.warn(
-            "files-outside-the-capture",
+        let what = format!(
+            "{} files lie outside the capture's folder {}: {}; copy them into it before you move or share it",
             outside.len(),
-            format!(
-                "{} files lie outside the capture's folder {}: {}; copy them into it before you move or share it",
-                outside.len(),
-                text::path(root),
-                first_paths(outside)
-            ),
+            text::path(root),
+            first_paths(outside)
         );
+        report.warn("files-outside-the-capture", outside.len(), what);
     }
 }
 

@@ -142,14 +142,11 @@ impl Resume {
         report.merge(std::mem::take(&mut self.report));
         log.info(&format!("continuing {} after step {}", self.checkpoint.display(), self.state.step));
         if !self.changed.is_empty() {
-            log.warn(
-                "resumed-with-other-settings",
-                &format!(
-                    "{} differ from the checkpoint: this is a new schedule, not the continuation of the old run",
-                    self.changed.join(", ")
-                ),
-                self.changed.len(),
+            let what = format!(
+                "{} differ from the checkpoint: this is a new schedule, not the continuation of the old run",
+                self.changed.join(", ")
             );
+            log.warn("resumed-with-other-settings", &what, self.changed.len());
         }
     }
 

@@ -103,10 +103,8 @@ fn add_rows(v: &Verdict, table: &mut Table) {
     table.row("PSNR", format!("{:.2} dB, worst {:.2} dB, against {scene}", v.psnr, v.psnr_worst));
     table.row("SSIM, FLIP", format!("{:.6}, {:.6}", v.ssim, v.flip));
     table.row("largest difference", format!("{:e}", v.largest));
-    table.row(
-        "lost",
-        format!("{:.4} dB at the scene's quality, worst view {:.4} dB", v.loss_db, v.loss_worst_db),
-    );
+    let what = format!("{:.4} dB at the scene's quality, worst view {:.4} dB", v.loss_db, v.loss_worst_db);
+    table.row("lost", what);
     for (name, figures) in [("training photos", v.on_training_photos), ("test photos", v.on_test_photos)] {
         if let Some(PhotoPsnr { before, after, .. }) = figures {
             table.row(name, format!("{before:.3} dB before, {after:.3} dB after (not checked)"));

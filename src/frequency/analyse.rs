@@ -56,9 +56,8 @@ fn evenly_picked(views: &[usize], most: usize) -> Vec<usize> {
 
 /// The schedule for views with these spectra.
 pub(super) fn schedule(spectra: &[Spectrum], options: &FrequencyOptions) -> FrequencySchedule {
-    let denoised = |view: &Spectrum| match options.noise_robust {
-        true => noise::denoised_rings(view),
-        false => (view.rings(), 0.0),
+    let denoised = |view: &Spectrum| {
+        if options.noise_robust { noise::denoised_rings(view) } else { (view.rings(), 0.0) }
     };
     let (rings, noise): (Vec<Vec<f64>>, Vec<f64>) = spectra.iter().map(denoised).unzip();
     let single: Vec<Windows> = rings.iter().map(|rings| Windows::new(rings.iter().copied())).collect();

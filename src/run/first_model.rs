@@ -96,14 +96,13 @@ fn bounded_start(config: &TrainConfig, budget: &Budget, num_splats: usize) -> Op
     if most > num_splats || max_splats.is_some_and(|max| max <= most) {
         return None;
     }
-    let (flag, each) = match by_texels <= by_params {
-        true => {
-            (format!("budget.max-texels {}", max_texels.unwrap_or_default()), format!("{texels_each} texels"))
-        }
-        false => (
+    let (flag, each) = if by_texels <= by_params {
+        (format!("budget.max-texels {}", max_texels.unwrap_or_default()), format!("{texels_each} texels"))
+    } else {
+        (
             format!("--budget-params {}", config.budget.max_params.unwrap_or_default()),
             format!("{params_each} parameters"),
-        ),
+        )
     };
     let splats = if num_splats == 1 { "1 splat".to_owned() } else { format!("{num_splats} splats") };
     Some(format!(

@@ -3,9 +3,7 @@
 use super::escape::escaped;
 use super::{COMMENT_2DGS, world_comment};
 use crate::fallback::baked::{Baked, Baker};
-use crate::files::atomic_file;
 use crate::{Result, SplatAsset, Transform, num_sh_coefficients};
-use std::path::Path;
 
 /// The layout of a PLY file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -80,16 +78,6 @@ pub struct PlySummary {
 
 /// Thickness of discs for viewers of ellipsoids, world units: its logarithm must be finite, and the disc must look flat.
 const THICKNESS: f64 = 1e-6;
-
-/// Writes a file. See [`encode_ply`].
-///
-/// # Errors
-/// As [`encode_ply`], and [`crate::Error::Io`].
-pub fn write_ply(path: &Path, asset: &SplatAsset, options: &PlyOptions) -> Result<PlySummary> {
-    let (bytes, summary) = encode_ply(asset, options).map_err(|e| e.at(path))?;
-    atomic_file::write(path, &bytes)?;
-    Ok(summary)
-}
 
 /// Encodes a binary little-endian file.
 ///

@@ -3,11 +3,9 @@
 use super::{ANTIALIASED, COLOUR_SCALE, MAGIC, ShBits, SpzOptions, SpzVersion, gzip, rotation, zstd_streams};
 use crate::asset::meta::Meta;
 use crate::fallback::baked::{Baked, Baker};
-use crate::files::atomic_file;
 use crate::math::sh::Turn;
 use crate::math::yup;
 use crate::{Filter, Result, SplatAsset};
-use std::path::Path;
 
 /// Fractional bits of positions that other programs accept.
 const FRACTIONAL_BITS: std::ops::RangeInclusive<u32> = 4..=23;
@@ -25,16 +23,6 @@ pub struct SpzSummary {
     pub position_error_texels: f64,
     /// Splats with a scale outside the range of 8 bits (4.5e-5 to 380 units), not counting the thin axis.
     pub clamped_scales: usize,
-}
-
-/// Writes a file. See [`encode_spz`].
-///
-/// # Errors
-/// As [`encode_spz`], and [`crate::Error::Io`].
-pub fn write_spz(path: &Path, asset: &SplatAsset, options: &SpzOptions) -> Result<SpzSummary> {
-    let (bytes, summary) = encode_spz(asset, options).map_err(|e| e.at(path))?;
-    atomic_file::write(path, &bytes)?;
-    Ok(summary)
 }
 
 /// Encodes a file.

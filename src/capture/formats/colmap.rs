@@ -78,21 +78,18 @@ fn find_model(root: &Path, report: &mut Report) -> Option<PathBuf> {
             let counts: Vec<u64> = models.iter().map(|m| num_images(m)).collect();
             // The first one with the most images.
             let best = (0..models.len()).rev().max_by_key(|&i| counts[i]).unwrap_or(0);
-            report.warn(
-                "several-sub-models",
-                models.len() - 1,
-                format!(
-                    "{} sparse models; using {}, which has the most images ({}); ignoring {}",
-                    models.len(),
-                    models[best].display(),
-                    counts[best],
-                    (0..models.len())
-                        .filter(|&i| i != best)
-                        .map(|i| format!("{} ({})", models[i].display(), counts[i]))
-                        .collect::<Vec<_>>()
-                        .join(", ")
-                ),
+            let what = format!(
+                "{} sparse models; using {}, which has the most images ({}); ignoring {}",
+                models.len(),
+                models[best].display(),
+                counts[best],
+                (0..models.len())
+                    .filter(|&i| i != best)
+                    .map(|i| format!("{} ({})", models[i].display(), counts[i]))
+                    .collect::<Vec<_>>()
+                    .join(", ")
             );
+            report.warn("several-sub-models", models.len() - 1, what);
             return Some(models.swap_remove(best));
         }
         if let Some(found) = models.pop() {
@@ -126,11 +123,8 @@ fn read_sparse(folder: &Path, report: &mut Report) -> Result<ColmapSparse> {
     let images = required("images")?;
     let points = part(folder, "points3D");
     if points.is_none() {
-        report.warn(
-            "no-points-file",
-            1,
-            format!("{}: no points3D file: the capture has no points", folder.display()),
-        );
+        let what = format!("{}: no points3D file: the capture has no points", folder.display());
+        report.warn("no-points-file", 1, what);
     }
     Ok(ColmapSparse {
         cameras: if is_binary(&cameras) {
@@ -164,11 +158,9 @@ fn read(folder: &Path) -> Result<Source> {
         views.push(view(folder, image, &lenses, &point_index, &mut lost)?);
     }
     if lost > 0 && !sparse.points.is_empty() {
-        report.warn(
-            "observations-without-point",
-            lost,
-            format!("{}: {lost} observations refer to points that are not in the model", folder.display()),
-        );
+        let what =
+            format!("{}: {lost} observations refer to points that are not in the model", folder.display());
+        report.warn("observations-without-point", lost, what);
     }
     let errors = sparse.points.iter().map(|p| p.error_px);
     let (sum, count) =

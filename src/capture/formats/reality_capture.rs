@@ -137,11 +137,8 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
         return Err(invalid!(path, "no header with the columns {}", REQUIRED.join(", ")));
     }
     if num_k4 > 0 {
-        source.report.warn(
-            "lens-term-dropped",
-            num_k4,
-            format!("{}: k4 (r^8) of {num_k4} lenses is not supported and ignored", path.display()),
-        );
+        let what = format!("{}: k4 (r^8) of {num_k4} lenses is not supported and ignored", path.display());
+        source.report.warn("lens-term-dropped", num_k4, what);
     }
     Ok(source)
 }

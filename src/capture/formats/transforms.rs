@@ -116,10 +116,7 @@ fn read_one(path: &Path, split: Option<Split>, folder: &CaptureFolder, source: &
         let intrinsics = frame.intrinsics.or(&file.intrinsics);
         let lens = intrinsics.lens(path, &element, &photo)?;
         let listed = file.test_filenames.as_ref().map(|names| {
-            match names.iter().any(|n| plain(n) == plain(&frame.file_path)) {
-                true => Split::Test,
-                false => Split::Train,
-            }
+            if names.iter().any(|n| plain(n) == plain(&frame.file_path)) { Split::Test } else { Split::Train }
         });
         source.views.push(SourceView {
             name: name(&folder.root, &frame.file_path, &photo),
