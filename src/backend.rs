@@ -5,11 +5,11 @@ mod exposure;
 mod limits;
 mod plan;
 
+use crate::Result;
 use crate::camera::Camera;
 pub use crate::image::TargetImage;
 pub use crate::model::LearningRates;
 use crate::model::{AdamState, Model};
-use crate::{Error, Result};
 pub use exposure::{ColourMap, ColourSums, NUM_COLOUR_SUMS};
 pub use limits::{DeviceLimits, SceneShape};
 pub use plan::{DensityPlan, Grid, MapChange, SplatEdit};
@@ -124,20 +124,20 @@ impl StepRequest<'_> {
     /// Checks that camera and photo have the same size.
     ///
     /// # Errors
-    /// [`Error::Usage`] with both sizes.
+    /// [`crate::Error::Usage`] with both sizes.
     pub fn check(&self) -> Result<()> {
         let (p, t) = (&self.camera.pinhole, self.target);
         if (p.width_px, p.height_px) == (t.width_px, t.height_px) && t.rgb.len() == 3 * p.num_pixels() {
             return Ok(());
         }
-        Err(Error::Usage(format!(
+        Err(usage!(
             "the camera has {}x{} px, but its photo {}x{} px with {} values",
             p.width_px,
             p.height_px,
             t.width_px,
             t.height_px,
             t.rgb.len()
-        )))
+        ))
     }
 }
 
@@ -228,13 +228,13 @@ impl WindowStatistics {
     /// Checks that every array has one entry for each of `num_splats` splats.
     ///
     /// # Errors
-    /// [`Error::Usage`] with the lengths found.
+    /// [`crate::Error::Usage`] with the lengths found.
     pub fn check(&self, num_splats: usize) -> Result<()> {
         let found = [self.seen.len(), self.area.len(), self.contribution.len(), self.error.len()];
         if found == [num_splats; 4] {
             return Ok(());
         }
-        Err(Error::Usage(format!("window statistics: found {found:?} entries for {num_splats} splats")))
+        Err(usage!("window statistics: found {found:?} entries for {num_splats} splats"))
     }
 }
 
@@ -249,19 +249,19 @@ pub trait Backend {
     /// Replaces the model and the optimiser state.
     ///
     /// # Errors
-    /// [`Error::Device`] with counts if they do not fit.
+    /// [`crate::Error::Device`] with counts if they do not fit.
     fn upload(&mut self, model: &Model, adam: &AdamState) -> Result<()>;
 
     /// Renders the model after the last step. Does not change a bit of later steps.
     ///
     /// # Errors
-    /// [`Error::Device`] if memory or the device fails.
+    /// [`crate::Error::Device`] if memory or the device fails.
     fn render(&mut self, camera: &Camera, options: &RenderOptions) -> Result<RenderedImage>;
 
     /// Does a training step: forward, loss, backward, Adam.
     ///
     /// # Errors
-    /// [`Error::Device`] if memory or the device fails, [`Error::Usage`] if photo and camera differ in size.
+    /// [`crate::Error::Device`] if memory or the device fails, [`crate::Error::Usage`] if photo and camera differ in size.
     fn step(&mut self, request: &StepRequest<'_>) -> Result<StepReport>;
 
     /// Preferred number of steps per call of [`Backend::steps`], at least 1. A device that is fed through a queue
@@ -284,31 +284,31 @@ pub trait Backend {
     /// [`Backend::set_statistics`]. Does not reset them.
     ///
     /// # Errors
-    /// [`Error::Device`] if the device fails.
+    /// [`crate::Error::Device`] if the device fails.
     fn read_statistics(&mut self) -> Result<WindowStatistics>;
 
     /// Replaces the sums of the window, to continue one or, with zeros, to begin one.
     ///
     /// # Errors
-    /// [`Error::Usage`] if their length does not match the model, [`Error::Device`] if the device fails.
+    /// [`crate::Error::Usage`] if their length does not match the model, [`crate::Error::Device`] if the device fails.
     fn set_statistics(&mut self, statistics: &WindowStatistics) -> Result<()>;
 
     /// Carries out a density-control plan and begins a new statistics window.
     ///
     /// # Errors
-    /// [`Error::Usage`] if the plan does not match the model, [`Error::Device`] if memory fails.
+    /// [`crate::Error::Usage`] if the plan does not match the model, [`crate::Error::Device`] if memory fails.
     fn apply_plan(&mut self, plan: &DensityPlan) -> Result<()>;
 
     /// Reads the state as it is; uploaded elsewhere, it continues the run bit for bit. Parameters of splats that the
     /// last steps did not see may lag behind ([`AdamState::last_step`]), see [`Backend::read_flushed`].
     ///
     /// # Errors
-    /// [`Error::Device`] if the device fails.
+    /// [`crate::Error::Device`] if the device fails.
     fn read_back(&mut self) -> Result<(Model, AdamState)>;
 
     /// Reads the model with all lazy updates done, as it is rendered, evaluated and exported.
     ///
     /// # Errors
-    /// [`Error::Device`] if the device fails.
+    /// [`crate::Error::Device`] if the device fails.
     fn read_flushed(&mut self) -> Result<Model>;
 }

@@ -140,6 +140,13 @@ impl Camera {
         self.camera_from_local.origin_of_a_in_b()
     }
 
+    /// Whether a point of the local frame lies within the image.
+    pub fn shows(&self, point: DVec3) -> bool {
+        let [w, h] = [self.pinhole.width_px, self.pinhole.height_px].map(f64::from);
+        let at = self.pinhole.project(self.camera_from_local.transform_point(point));
+        at.is_some_and(|at| at.x >= 0.0 && at.y >= 0.0 && at.x <= w && at.y <= h)
+    }
+
     /// The same camera at another image size.
     pub fn resized(&self, width_px: u32, height_px: u32) -> Self {
         Self { pinhole: self.pinhole.resized(width_px, height_px), ..*self }

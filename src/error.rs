@@ -4,6 +4,24 @@
 use crate::text;
 use std::path::PathBuf;
 
+/// An [`Error::InvalidInput`] with a message as of [`format!`]: `invalid!(path, "{found}, expected {expected}")`.
+#[macro_export]
+macro_rules! invalid {
+    ($path:expr, $($what:tt)+) => { $crate::Error::invalid($path, format!($($what)+)) };
+}
+
+/// An [`Error::Unsupported`] with a message as of [`format!`]: `unsupported!(path, "{found}, expected {expected}")`.
+#[macro_export]
+macro_rules! unsupported {
+    ($path:expr, $($what:tt)+) => { $crate::Error::unsupported($path, format!($($what)+)) };
+}
+
+/// An [`Error::Usage`] with a message as of [`format!`].
+#[macro_export]
+macro_rules! usage {
+    ($($what:tt)+) => { $crate::Error::Usage(format!($($what)+)) };
+}
+
 /// Result with the library's error.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 

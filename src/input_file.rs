@@ -20,7 +20,7 @@ pub fn read(path: &Path, bytes_max: u64) -> Result<Vec<u8>> {
 /// As [`read`]; [`Error::InvalidInput`] also for bytes that are no text.
 pub fn read_text(path: &Path, bytes_max: u64) -> Result<String> {
     let mut text = String::from_utf8(read(path, bytes_max)?)
-        .map_err(|e| Error::invalid(path, format!("not UTF-8 text: {}", e.utf8_error())))?;
+        .map_err(|e| invalid!(path, "not UTF-8 text: {}", e.utf8_error()))?;
     if text.starts_with('\u{feff}') {
         text.drain(..'\u{feff}'.len_utf8());
     }
@@ -34,8 +34,7 @@ pub fn read_text(path: &Path, bytes_max: u64) -> Result<String> {
 pub fn check(path: &Path, bytes_max: u64) -> Result<()> {
     let size = litetex_exporters::regular_file_bytes(path).map_err(our_error)?;
     if size > bytes_max {
-        let what = format!("the file has {size} bytes, expected at most {bytes_max}");
-        return Err(Error::unsupported(path, what));
+        return Err(unsupported!(path, "the file has {size} bytes, expected at most {bytes_max}"));
     }
     Ok(())
 }

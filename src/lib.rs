@@ -3,6 +3,9 @@
 //! `ARCHITECTURE.md` describes modules and data flow, `docs/glossary.md` the terms. "method 6.2" in a comment
 //! cites that section of `docs/method.md`.
 
+#[macro_use]
+mod error;
+
 pub mod backend;
 pub mod bake;
 pub mod camera;
@@ -11,7 +14,6 @@ pub mod clock;
 pub mod console;
 pub mod constants;
 pub mod cpu;
-mod error;
 pub mod eval;
 pub mod frequency;
 #[cfg(feature = "gpu")]

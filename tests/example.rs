@@ -25,7 +25,7 @@ fn a_capture_becomes_a_run_and_a_file_in_forty_lines() {
     write_sample(&capture, &options).unwrap();
     train_and_export::train_and_export(&capture, &run, &glb, 30).unwrap();
     let summary = Summary::read(&run.join("summary.json")).unwrap();
-    assert!(summary.quality.unwrap().psnr > 10.0);
+    assert!(summary.quality.unwrap().evaluation.psnr > 10.0);
     let asset = read_asset(&glb, &ReadLimits::default()).unwrap().asset;
     assert!((1..=summary.size.splats).contains(&asset.num_splats()) && asset.cameras.len() == 9);
     let source = include_str!("../examples/train_and_export.rs");

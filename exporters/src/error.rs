@@ -3,6 +3,21 @@
 use crate::text;
 use std::path::{Path, PathBuf};
 
+/// An [`Error::Invalid`] with a message as of [`format!`]: `invalid!(path, "{found}, expected {expected}")`.
+macro_rules! invalid {
+    ($path:expr, $($what:tt)+) => { $crate::Error::invalid($path, format!($($what)+)) };
+}
+
+/// An [`Error::Unsupported`] with a message as of [`format!`]: `unsupported!(path, "{found}, expected {expected}")`.
+macro_rules! unsupported {
+    ($path:expr, $($what:tt)+) => { $crate::Error::unsupported($path, format!($($what)+)) };
+}
+
+/// An [`Error::TooLarge`] with a message as of [`format!`]: `too_large!(path, "{found}, expected {expected}")`.
+macro_rules! too_large {
+    ($path:expr, $($what:tt)+) => { $crate::Error::too_large($path, format!($($what)+)) };
+}
+
 /// Result with this crate's error.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 

@@ -5,9 +5,11 @@
 
 #![forbid(unsafe_code)]
 
+#[macro_use]
+mod error;
+
 mod asset;
 mod atlas;
-mod error;
 mod fallback;
 mod files;
 mod format;

@@ -1,8 +1,8 @@
 //! The plan of a density-control step: decided by the trainer, carried out by every backend in the same way.
 
+use crate::Result;
 use crate::constants::{SH_DEGREE_MAX, sh_coefficients};
 use crate::model::{Model, ModelSize, TextureMap};
-use crate::{Error, Result};
 
 /// The texel grid of a map along an axis, at its own density, twice or half of it. Outside of the map texels and first
 /// moments are zero, and second moments are those of the nearest texel, so that new texels start with steps of the usual
@@ -143,67 +143,65 @@ impl DensityPlan {
     /// Checks the plan against a model of `num_splats` splats.
     ///
     /// # Errors
-    /// [`Error::Usage`] naming the first inconsistency.
+    /// [`crate::Error::Usage`] naming the first inconsistency.
     pub fn check(&self, num_splats: usize) -> Result<()> {
         if self.sources.len() != self.maps.len() {
-            return Err(Error::Usage(format!(
+            return Err(usage!(
                 "density-control plan: {} sources but {} map changes",
                 self.sources.len(),
                 self.maps.len()
-            )));
+            ));
         }
         if let Some(at) = self.sources.iter().position(|&s| s as usize >= num_splats) {
-            return Err(Error::Usage(format!(
+            return Err(usage!(
                 "density-control plan: source {} of new splat {at} is not one of the {num_splats} splats",
                 self.sources[at]
-            )));
+            ));
         }
         if !self.sh_degrees.is_empty() && self.sh_degrees.len() != self.sources.len() {
-            return Err(Error::Usage(format!(
+            return Err(usage!(
                 "density-control plan: {} sources but {} SH degrees",
                 self.sources.len(),
                 self.sh_degrees.len()
-            )));
+            ));
         }
         if let Some(at) = self.sh_degrees.iter().position(|&d| u32::from(d) > SH_DEGREE_MAX) {
-            return Err(Error::Usage(format!(
+            return Err(usage!(
                 "density-control plan: SH degree {} of new splat {at}, expected at most {SH_DEGREE_MAX}",
                 self.sh_degrees[at]
-            )));
+            ));
         }
         for (at, map) in self.maps.iter().enumerate() {
             if let MapChange::Resample { moment_scale, .. } | MapChange::Regrid { moment_scale, .. } = map
                 && !moment_scale.iter().all(|f| f.is_finite() && *f >= 0.0)
             {
-                return Err(Error::Usage(format!(
+                return Err(usage!(
                     "density-control plan: moment scale {moment_scale:?} of new splat {at}, expected finite numbers \
                      of at least 0"
-                )));
+                ));
             }
             if let MapChange::Regrid { rows, cols, .. } = map
                 && (*rows == 0) != (*cols == 0)
             {
-                return Err(Error::Usage(format!(
+                return Err(usage!(
                     "density-control plan: a map of {rows} x {cols} texels for new splat {at}, expected texels along \
                      both axes or none"
-                )));
+                ));
             }
         }
         let mut next = 0;
         for edit in &self.edits {
             let values = edit.position.iter().chain(&edit.log_scales).chain([&edit.opacity_logit]);
             if edit.splat < next || edit.splat as usize >= self.sources.len() {
-                return Err(Error::Usage(format!(
+                return Err(usage!(
                     "density-control plan: edits of {} new splats must be in ascending order, found splat {} where at \
                      least {next} was expected",
                     self.sources.len(),
                     edit.splat
-                )));
+                ));
             }
             if !values.into_iter().all(|v| v.is_finite()) {
-                return Err(Error::Usage(format!(
-                    "density-control plan: edit {edit:?} has non-finite values"
-                )));
+                return Err(usage!("density-control plan: edit {edit:?} has non-finite values"));
             }
             next = edit.splat + 1;
         }

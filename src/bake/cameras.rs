@@ -1,9 +1,9 @@
 //! Converts cameras to the form that assets carry, and back.
 
+use crate::Result;
 use crate::camera::{Camera, Pinhole, RigidTransform};
 use crate::image::TargetImage;
 use crate::views::{Split, ViewSource};
-use crate::{Error, Result};
 use glam::{DMat3, DVec3};
 use litetex_exporters::AssetCamera;
 use std::sync::Arc;
@@ -68,6 +68,6 @@ impl ViewSource for AssetViews {
     }
 
     fn target(&self, view: usize) -> Result<Arc<TargetImage>> {
-        Err(Error::Usage(format!("view {:?} of an asset has no photo", self.0[view].name)))
+        Err(usage!("view {:?} of an asset has no photo", self.0[view].name))
     }
 }

@@ -56,14 +56,11 @@ pub fn bake(
     }
     asset.fit_sh_degree();
     if let Some(first) = dropped.first() {
-        report.warn(
-            "splats-not-drawable",
-            dropped.len(),
-            format!(
-                "splats that no renderer can draw were left out of the asset (numbers that are not finite, or \
+        let what = format!(
+            "splats that no renderer can draw were left out of the asset (numbers that are not finite, or \
                  absurd scales), the first is number {first}"
-            ),
         );
+        report.warn("splats-not-drawable", dropped.len(), what);
     }
     asset
 }

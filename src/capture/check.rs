@@ -36,27 +36,21 @@ fn summed_up(views: &[View], outcomes: Vec<Result<CheckedPhoto>>) -> Result<Repo
         }
     }
     if !cut_off.is_empty() {
-        report.warn(
-            "photos-truncated",
+        let what = format!(
+            "{} JPEG files are truncated, and their missing part decodes as grey: {}; copy them again, or remove them",
             cut_off.len(),
-            format!(
-                "{} JPEG files are truncated, and their missing part decodes as grey: {}; copy them again, or remove them",
-                cut_off.len(),
-                first_paths(&cut_off)
-            ),
+            first_paths(&cut_off)
         );
+        report.warn("photos-truncated", cut_off.len(), what);
     }
     if !masked_out.is_empty() {
-        report.warn(
-            "views-masked-out",
-            masked_out.len(),
-            format!(
-                "the masks of {} training views exclude every pixel, so nothing is learnt from them: {}; white pixels count, \
+        let what = format!(
+            "the masks of {} training views exclude every pixel, so nothing is learnt from them: {}; white pixels count, \
                  unless capture.mask-invert is set",
-                masked_out.len(),
-                first_names(masked_out)
-            ),
+            masked_out.len(),
+            first_names(masked_out)
         );
+        report.warn("views-masked-out", masked_out.len(), what);
     }
     Ok(report)
 }

@@ -5,9 +5,9 @@ use super::lens::Lens;
 use super::photos::{FileKind, image_error, open};
 use super::warp::Warp;
 use super::{exr_photo, photos};
+use crate::Result;
 use crate::image::resample::{by_area, to_byte};
 use crate::image::{ALPHA_LEVELS, TargetImage};
-use crate::{Error, Result};
 use image::DynamicImage;
 use image::metadata::Orientation;
 use std::path::{Path, PathBuf};
@@ -111,12 +111,13 @@ impl Recipe {
         let photo = self.read(&self.photo)?;
         let size = (photo.width(), photo.height());
         if size != self.photo_size {
-            return Err(Error::invalid(
+            return Err(invalid!(
                 &self.photo,
-                format!(
-                    "the photo has {}x{} pixels now, it had {}x{} when the capture was loaded",
-                    size.0, size.1, self.photo_size.0, self.photo_size.1
-                ),
+                "the photo has {}x{} pixels now, it had {}x{} when the capture was loaded",
+                size.0,
+                size.1,
+                self.photo_size.0,
+                self.photo_size.1
             ));
         }
         Ok(if photo.color().has_alpha() {
@@ -193,12 +194,13 @@ impl Recipe {
         let found = f64::from(size.0) / f64::from(size.1);
         // Small masks have rounded sides. A mask of another shape belongs to another photo.
         if (found / expected - 1.0).abs() > 0.02 {
-            return Err(Error::invalid(
+            return Err(invalid!(
                 path,
-                format!(
-                    "size mismatch: the mask has {}x{} pixels, its photo {}x{}; expected the same aspect ratio",
-                    stored.0, stored.1, self.photo_size.0, self.photo_size.1
-                ),
+                "size mismatch: the mask has {}x{} pixels, its photo {}x{}; expected the same aspect ratio",
+                stored.0,
+                stored.1,
+                self.photo_size.0,
+                self.photo_size.1
             ));
         }
         let pixels = mask.into_luma8().into_raw();
@@ -229,7 +231,7 @@ fn read_pixels(path: &Path) -> Result<DynamicImage> {
 /// An image as its file has it: width, height and display-space values `[height, width, 3]`; alpha is dropped.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] or [`Error::Unsupported`] if it cannot be decoded.
+/// [`crate::Error::InvalidInput`] or [`crate::Error::Unsupported`] if it cannot be decoded.
 pub fn read_image(path: &Path) -> Result<(u32, u32, Vec<f32>)> {
     let photo = read_pixels(path)?;
     let (width, height) = (photo.width(), photo.height());

@@ -23,16 +23,14 @@ pub(crate) fn is_exr(path: &Path) -> bool {
 
 fn our_error(path: &Path, error: ExrError) -> Error {
     match error {
-        ExrError::NotSupported(what) => Error::unsupported(
+        ExrError::NotSupported(what) => unsupported!(
             path,
-            format!("{what}; expected a flat EXR image with channels R, G and B: convert it to PNG"),
+            "{what}; expected a flat EXR image with channels R, G and B: convert it to PNG"
         ),
         ExrError::Io(e) if e.kind() != std::io::ErrorKind::UnexpectedEof => Error::io(path, e),
-        e => Error::invalid(
+        e => invalid!(
             path,
-            format!(
-                "unreadable image: {e}; expected an EXR image with channels R, G and B: replace the file"
-            ),
+            "unreadable image: {e}; expected an EXR image with channels R, G and B: replace the file"
         ),
     }
 }
@@ -43,7 +41,7 @@ pub(crate) fn size(path: &Path) -> Result<(u32, u32)> {
     let size = meta.headers.first().map_or((0, 0), |h| (h.layer_size.width(), h.layer_size.height()));
     let pixels = size.0.checked_mul(size.1);
     if pixels.is_none_or(|p| p == 0 || p > MAX_PIXELS) {
-        return Err(Error::invalid(path, format!("the photo is {}x{}", size.0, size.1)));
+        return Err(invalid!(path, "the photo is {}x{}", size.0, size.1));
     }
     Ok((size.0 as u32, size.1 as u32))
 }

@@ -1,8 +1,8 @@
 //! The folder of a capture: finds the photos that the poses name, and the files outside it. Folders may refer to files
 //! outside, with a warning; archives may not. The user may name folders anywhere.
 
+use crate::Result;
 use crate::text::quoted;
-use crate::{Error, Result};
 use std::path::{Component, Path, PathBuf};
 
 /// Extensions of the photos that can be read.
@@ -59,16 +59,13 @@ impl CaptureFolder {
         }
         let shown = if folder.exists() { folder.to_owned() } else { joined };
         let what = not_a_folder(&shown);
-        Err(Error::invalid(
-            shown,
-            format!("{what}; {option} takes a folder inside the capture or an absolute path"),
-        ))
+        Err(invalid!(shown, "{what}; {option} takes a folder inside the capture or an absolute path"))
     }
 
     /// The file at a stored path.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] if it lies outside an archive.
+    /// [`crate::Error::InvalidInput`] if it lies outside an archive.
     pub fn file(&self, stored: &str) -> Result<PathBuf> {
         let path = self.root.join(stored);
         if self.is_archive {
@@ -97,12 +94,10 @@ fn confine(root: &Path, path: &Path, stored: &str) -> Result<()> {
     if is_inside(root, path) {
         return Ok(());
     }
-    Err(Error::invalid(
+    Err(invalid!(
         root,
-        format!(
-            "{} is outside the archive, which must be self-contained; unpack it if you trust it",
-            quoted(stored)
-        ),
+        "{} is outside the archive, which must be self-contained; unpack it if you trust it",
+        quoted(stored)
     ))
 }
 
@@ -130,7 +125,7 @@ impl PhotoFolder {
     /// The photo of a name with or without extension; scaled copies may have another extension.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] if the name leads out of an archive.
+    /// [`crate::Error::InvalidInput`] if the name leads out of an archive.
     pub fn find(&self, name: &str) -> Result<Option<PathBuf>> {
         let exact = self.path.join(name);
         if let Some(root) = &self.confined_to {

@@ -49,16 +49,13 @@ pub(crate) fn capture_from_local(source: &Source, report: &mut Report) -> Simila
         .filter(|d| d.is_finite() && *d > 0.0)
         .collect();
     let points = median(distances);
-    report.warn(
-        "all-cameras-coincide",
-        centres.len(),
-        format!(
-            "all {} cameras are in one place; the scale of the capture is taken from {}; such photos cannot \
+    let what = format!(
+        "all {} cameras are in one place; the scale of the capture is taken from {}; such photos cannot \
              teach depth",
-            centres.len(),
-            if points.is_some() { "the median distance of the points" } else { "its own units" }
-        ),
+        centres.len(),
+        if points.is_some() { "the median distance of the points" } else { "its own units" }
     );
+    report.warn("all-cameras-coincide", centres.len(), what);
     Similarity { scale: points.unwrap_or(1.0), translation }
 }
 

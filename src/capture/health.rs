@@ -79,68 +79,50 @@ fn warn(source: &Source, health: &SparseHealth, extent: f64, report: &mut Report
     const HINT: &str = "a model with a good mean reprojection error can still be broken";
     if health.present > health.registered {
         let missing = health.present - health.registered;
-        report.warn(
-            "photos-not-registered",
-            missing,
-            format!("{missing} of {} photos have no pose and are not used", health.present),
-        );
+        let what = format!("{missing} of {} photos have no pose and are not used", health.present);
+        report.warn("photos-not-registered", missing, what);
     }
     if health.observations > 0 && health.views_under_50_observations > 0 {
         let weak = source.views.iter().filter(|v| v.observed.len() < MIN_OBSERVATIONS);
-        report.warn(
-            "views-with-few-observations",
+        let what = format!(
+            "{} of {} views observe fewer than {MIN_OBSERVATIONS} points, so their poses are unreliable: {}; {HINT}",
             health.views_under_50_observations,
-            format!(
-                "{} of {} views observe fewer than {MIN_OBSERVATIONS} points, so their poses are unreliable: {}; {HINT}",
-                health.views_under_50_observations,
-                health.registered,
-                first_names(weak.map(|v| v.name.as_str()))
-            ),
+            health.registered,
+            first_names(weak.map(|v| v.name.as_str()))
         );
+        report.warn("views-with-few-observations", health.views_under_50_observations, what);
     }
     if health.coincident_cameras > 0 {
         let names = coincident(source, COINCIDENT * extent);
-        report.warn(
-            "coincident-cameras",
-            health.coincident_cameras,
-            format!(
-                "{} camera centres coincide with another: {}; taken from one spot, or collapsed: {HINT}",
-                names.len(),
-                first_names(names)
-            ),
+        let what = format!(
+            "{} camera centres coincide with another: {}; taken from one spot, or collapsed: {HINT}",
+            names.len(),
+            first_names(names)
         );
+        report.warn("coincident-cameras", health.coincident_cameras, what);
     }
     if health.cameras_far_off > 0 {
-        report.warn(
-            "cameras-far-off",
-            health.cameras_far_off,
-            format!(
-                "{} cameras are more than {FAR_OFF} median distances away: {}; they set the scale of the capture; \
+        let what = format!(
+            "{} cameras are more than {FAR_OFF} median distances away: {}; they set the scale of the capture; \
                  {HINT}",
-                health.cameras_far_off,
-                first_names(far_off(source))
-            ),
+            health.cameras_far_off,
+            first_names(far_off(source))
         );
+        report.warn("cameras-far-off", health.cameras_far_off, what);
     }
     let misplaced = health.observations_behind_camera + health.observations_at_zero_depth;
     if misplaced > 0 {
-        report.warn(
-            "points-behind-cameras",
-            misplaced,
-            format!(
-                "{} of {} observed points lie behind the observing camera, {} at almost zero depth; {HINT}",
-                health.observations_behind_camera, health.observations, health.observations_at_zero_depth
-            ),
+        let what = format!(
+            "{} of {} observed points lie behind the observing camera, {} at almost zero depth; {HINT}",
+            health.observations_behind_camera, health.observations, health.observations_at_zero_depth
         );
+        report.warn("points-behind-cameras", misplaced, what);
     }
     if let Some(error) = health.mean_reprojection_error_px.filter(|e| *e > MAX_REPROJECTION_ERROR_PX) {
-        report.warn(
-            "large-reprojection-error",
-            1,
-            format!(
-                "the mean reprojection error is {error:.2} px; good reconstructions are below 1: register the photos again"
-            ),
+        let what = format!(
+            "the mean reprojection error is {error:.2} px; good reconstructions are below 1: register the photos again"
         );
+        report.warn("large-reprojection-error", 1, what);
     }
 }
 

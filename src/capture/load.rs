@@ -87,12 +87,10 @@ fn load_folder(path: &Path, options: &LoadOptions, archive: Option<&Unpacked>) -
     warn_of_files_outside(&folder.root, &source, &[Some(photos), masks], &mut report);
     let splits = split::assign(&mut source.views, options)?;
     if !splits.contains(&Split::Train) {
-        return Err(Error::invalid(
+        return Err(invalid!(
             &source.path,
-            format!(
-                "all {} views are held out; hold out fewer with --test-every or --test-list",
-                splits.len()
-            ),
+            "all {} views are held out; hold out fewer with --test-every or --test-list",
+            splits.len()
         ));
     }
     let recipes: Vec<Recipe> =
@@ -118,12 +116,10 @@ fn load_folder(path: &Path, options: &LoadOptions, archive: Option<&Unpacked>) -
 
 fn check(options: &LoadOptions) -> Result<()> {
     if options.max_resolution == 0 {
-        return Err(Error::Usage(
-            "max-resolution is 0; expected the photos' longer side in pixels".to_owned(),
-        ));
+        return Err(usage!("max-resolution is 0; expected the photos' longer side in pixels"));
     }
     if let Some(bad) = options.background.iter().find(|b| !(0.0..=1.0).contains(*b)) {
-        return Err(Error::Usage(format!("background holds {bad}; expected numbers from 0 to 1")));
+        return Err(usage!("background holds {bad}; expected numbers from 0 to 1"));
     }
     Ok(())
 }
@@ -160,7 +156,7 @@ fn find_poses(
             false => advice::for_path(path),
         };
         let advice = advice.map(|a| format!(": {a}")).unwrap_or_default();
-        Error::invalid(path, format!("no poses found; expected {files} here{advice}"))
+        invalid!(path, "no poses found; expected {files} here{advice}")
     })
 }
 
@@ -177,9 +173,10 @@ fn sort_by_name(source: &mut Source) -> Result<()> {
         same
     });
     match twice {
-        Some(name) => Err(Error::invalid(
+        Some(name) => Err(invalid!(
             &source.path,
-            format!("the photo {} occurs twice; expected one pose for each photo", quoted(&name)),
+            "the photo {} occurs twice; expected one pose for each photo",
+            quoted(&name)
         )),
         None => Ok(()),
     }
@@ -201,12 +198,10 @@ fn photo_folder(folder: &CaptureFolder, source: &Source) -> Result<PhotoFolder> 
         }
     }
     let example = source.views.first().map(|v| &v.name).or(source.without_photo.first());
-    Err(Error::invalid(
+    Err(invalid!(
         images,
-        format!(
-            "no folder of photos; expected photos such as {} there: name the folder with --images",
-            quoted(example.map_or("0001.jpg", String::as_str))
-        ),
+        "no folder of photos; expected photos such as {} there: name the folder with --images",
+        quoted(example.map_or("0001.jpg", String::as_str))
     ))
 }
 
@@ -238,15 +233,12 @@ fn find_photos(source: &mut Source, folder: &PhotoFolder, report: &mut Report) -
         ));
     }
     if !missing.is_empty() {
-        report.warn(
-            "views-without-photo",
+        let what = format!(
+            "{} of {total} views have no photo in {} and are left out: {names}",
             missing.len(),
-            format!(
-                "{} of {total} views have no photo in {} and are left out: {names}",
-                missing.len(),
-                text::path(folder.path())
-            ),
+            text::path(folder.path())
         );
+        report.warn("views-without-photo", missing.len(), what);
     }
     Ok(())
 }
@@ -269,17 +261,14 @@ fn find_masks(
     let without: Vec<&str> =
         source.views.iter().filter(|v| v.mask.is_none()).map(|v| v.name.as_str()).collect();
     if !without.is_empty() {
-        report.warn(
-            "views-without-mask",
+        let what = format!(
+            "{} of {} views have no mask in {}, so all their pixels count: {}",
             without.len(),
-            format!(
-                "{} of {} views have no mask in {}, so all their pixels count: {}",
-                without.len(),
-                source.views.len(),
-                text::path(masks.path()),
-                first_names(without)
-            ),
+            source.views.len(),
+            text::path(masks.path()),
+            first_names(without)
         );
+        report.warn("views-without-mask", without.len(), what);
     }
     Ok(Some(masks))
 }
@@ -293,16 +282,13 @@ fn warn_of_files_outside(root: &Path, source: &Source, named: &[Option<PhotoFold
     let files = source.views.iter().flat_map(|v| [&v.photo, &v.mask]).chain([&source.points_file]).flatten();
     let outside: Vec<&PathBuf> = files.filter(|p| !known(p)).collect();
     if !outside.is_empty() {
-        report.warn(
-            "files-outside-the-capture",
+        let what = format!(
+            "{} files lie outside the capture's folder {}: {}; copy them into it before you move or share it",
             outside.len(),
-            format!(
-                "{} files lie outside the capture's folder {}: {}; copy them into it before you move or share it",
-                outside.len(),
-                text::path(root),
-                first_paths(outside)
-            ),
+            text::path(root),
+            first_paths(outside)
         );
+        report.warn("files-outside-the-capture", outside.len(), what);
     }
 }
 

@@ -34,14 +34,11 @@ const GRID: usize = 4;
 pub(super) fn check(views: &[View], source: &Source, capture_from_local: &Similarity, report: &mut Report) {
     let train: Vec<usize> = (0..views.len()).filter(|&view| views[view].split == Split::Train).collect();
     if train.len() < VIEWS_MIN {
-        report.warn(
-            "few-training-views",
-            train.len(),
-            format!(
-                "only {}: what a single one shows stays vague; take more photos, at least 30",
-                counted(train.len(), "training view")
-            ),
+        let what = format!(
+            "only {}: what a single one shows stays vague; take more photos, at least 30",
+            counted(train.len(), "training view")
         );
+        report.warn("few-training-views", train.len(), what);
     }
     if train.len() < 2 {
         return;
@@ -62,17 +59,14 @@ pub(super) fn check(views: &[View], source: &Source, capture_from_local: &Simila
     let alone: Vec<&str> = alone.map(|(&view, _)| views[view].name.as_str()).collect();
     if !alone.is_empty() {
         let count = alone.len();
-        report.warn(
-            "views-without-overlap",
-            count,
-            format!(
-                "no other training view shows {:.0} % of what these do: {} ({count} of {}); what they show stays vague: \
+        let what = format!(
+            "no other training view shows {:.0} % of what these do: {} ({count} of {}); what they show stays vague: \
                  take more photos between them and the others",
-                100.0 * SHARED_MIN,
-                first_names(alone),
-                train.len()
-            ),
+            100.0 * SHARED_MIN,
+            first_names(alone),
+            train.len()
         );
+        report.warn("views-without-overlap", count, what);
     }
 }
 
@@ -118,7 +112,7 @@ fn by_frusta(cameras: &[Camera]) -> Vec<Option<f64>> {
                 local_from_camera.transform_point(depth * pinhole.direction_in_camera(at_px))
             };
             let points: Vec<DVec3> = (0..GRID * GRID).map(point).collect();
-            let shared = |other: usize| points.iter().filter(|&&point| shows(&cameras[other], point)).count();
+            let shared = |other: usize| points.iter().filter(|&&point| cameras[other].shows(point)).count();
             same_side(cameras, view).map(shared).max().unwrap_or(0)
         };
         share(DEPTHS.into_iter().map(shared_at).max().unwrap_or(0), GRID * GRID)
@@ -140,16 +134,9 @@ fn same_side(cameras: &[Camera], view: usize) -> impl Iterator<Item = usize> {
 /// A bit for each point: whether it lies within the view.
 fn shown(camera: &Camera, points: &[DVec3]) -> Vec<u64> {
     let word = |points: &[DVec3]| {
-        points.iter().enumerate().fold(0, |bits, (k, &point)| bits | u64::from(shows(camera, point)) << k)
+        points.iter().enumerate().fold(0, |bits, (k, &point)| bits | u64::from(camera.shows(point)) << k)
     };
     points.chunks(64).map(word).collect()
-}
-
-/// Whether a point lies within a view.
-fn shows(camera: &Camera, point: DVec3) -> bool {
-    let size = [f64::from(camera.pinhole.width_px), f64::from(camera.pinhole.height_px)];
-    let at = camera.pinhole.project(camera.camera_from_local.transform_point(point));
-    at.is_some_and(|at| at.x >= 0.0 && at.y >= 0.0 && at.x <= size[0] && at.y <= size[1])
 }
 
 #[cfg(test)]

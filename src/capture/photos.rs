@@ -29,11 +29,11 @@ pub(crate) fn image_error(path: &Path, error: image::ImageError) -> Error {
     match error {
         image::ImageError::IoError(e) if e.kind() != std::io::ErrorKind::UnexpectedEof => Error::io(path, e),
         image::ImageError::Unsupported(e) => {
-            Error::unsupported(path, format!("{e}; photos must be PNG, JPEG, WebP or EXR: convert this one"))
+            unsupported!(path, "{e}; photos must be PNG, JPEG, WebP or EXR: convert this one")
         }
-        e => Error::invalid(
+        e => invalid!(
             path,
-            format!("unreadable image: {e}; expected PNG, JPEG, WebP or EXR: replace the file or remove it"),
+            "unreadable image: {e}; expected PNG, JPEG, WebP or EXR: replace the file or remove it"
         ),
     }
 }
@@ -107,7 +107,7 @@ pub(crate) fn photo_header(path: &Path) -> Result<PhotoHeader> {
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
     let (width, height) = decoder.dimensions();
     if width == 0 || height == 0 {
-        return Err(Error::invalid(path, format!("the photo is {width}x{height}")));
+        return Err(invalid!(path, "the photo is {width}x{height}"));
     }
     Ok(PhotoHeader {
         size: (width, height),
@@ -169,17 +169,15 @@ pub(crate) fn fit(
     if swaps_sides(header.turn) && same_shape(turned, lens) {
         return Ok((turned, header.turn));
     }
-    Err(Error::invalid(
+    Err(invalid!(
         path,
-        format!(
-            "size mismatch: photo {} has {}x{} pixels, its camera expects {}x{} or a scaled copy of \
+        "size mismatch: photo {} has {}x{} pixels, its camera expects {}x{} or a scaled copy of \
              that; give the folder of the photos that the poses were computed from with --images",
-            quoted(name),
-            stored.0,
-            stored.1,
-            lens.pinhole.width_px,
-            lens.pinhole.height_px
-        ),
+        quoted(name),
+        stored.0,
+        stored.1,
+        lens.pinhole.width_px,
+        lens.pinhole.height_px
     ))
 }
 

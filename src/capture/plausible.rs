@@ -27,23 +27,20 @@ pub(crate) fn check(views: &[SourceView], recipes: &[Recipe], report: &mut Repor
     let mut warn = |code: &str, what: &str, found: Vec<&SourceView>| {
         if let Some(first) = found.first() {
             let p = &first.lens.pinhole;
-            report.warn(
-                code,
-                found.len(),
-                format!(
-                    "{} of {} views have {what}: {} (the first: focal lengths {} and {} px, principal \
+            let what = format!(
+                "{} of {} views have {what}: {} (the first: focal lengths {} and {} px, principal \
                      point {}, {}, {} x {} px); check the units of their cameras and whether the photos belong to them",
-                    found.len(),
-                    views.len(),
-                    first_names(found.iter().map(|v| v.name.as_str())),
-                    written(p.fx_px),
-                    written(p.fy_px),
-                    written(p.cx_px),
-                    written(p.cy_px),
-                    p.width_px,
-                    p.height_px
-                ),
+                found.len(),
+                views.len(),
+                first_names(found.iter().map(|v| v.name.as_str())),
+                written(p.fx_px),
+                written(p.fy_px),
+                written(p.cx_px),
+                written(p.cy_px),
+                p.width_px,
+                p.height_px
             );
+            report.warn(code, found.len(), what);
         }
     };
     let absurd = views.iter().filter(|v| !has_plausible_focal_length(v)).collect();

@@ -4,7 +4,7 @@ use super::options::LoadOptions;
 use super::source::{SourceView, first_names};
 use crate::text::quoted;
 use crate::views::Split;
-use crate::{Error, Result, input_file};
+use crate::{Result, input_file};
 
 /// A million names take less.
 const LIST_BYTES_MAX: u64 = 64 << 20;
@@ -19,13 +19,11 @@ pub(crate) fn assign(views: &mut [SourceView], options: &LoadOptions) -> Result<
         let unknown: Vec<&str> =
             names.iter().copied().filter(|n| !views.iter().any(|v| is_named(v, n))).collect();
         if !unknown.is_empty() {
-            return Err(Error::invalid(
+            return Err(invalid!(
                 list,
-                format!(
-                    "no view is named {}; expected names such as {}, with or without extension",
-                    first_names(unknown),
-                    quoted(views.first().map_or("", |v| &v.name))
-                ),
+                "no view is named {}; expected names such as {}, with or without extension",
+                first_names(unknown),
+                quoted(views.first().map_or("", |v| &v.name))
             ));
         }
         return Ok(views.iter().map(|v| side(names.iter().any(|n| is_named(v, n)))).collect());

@@ -94,15 +94,13 @@ pub(crate) fn is_archive(path: &Path) -> bool {
 fn our_error(path: &Path, element: &str, error: ZipError) -> Error {
     match error {
         ZipError::Io(e) if e.kind() == std::io::ErrorKind::StorageFull => Error::io(path, e),
-        ZipError::UnsupportedArchive(what) => Error::unsupported(
-            path,
-            format!("{element}: {what}; supported: stored and deflated files: unpack it yourself"),
-        ),
-        e @ ZipError::CompressionMethodNotSupported(_) => Error::unsupported(
-            path,
-            format!("{element}: {e}; supported: stored and deflated files: unpack it yourself"),
-        ),
-        e => Error::invalid(path, format!("{element}: {e}; copy the archive again")),
+        ZipError::UnsupportedArchive(what) => {
+            unsupported!(path, "{element}: {what}; supported: stored and deflated files: unpack it yourself")
+        }
+        e @ ZipError::CompressionMethodNotSupported(_) => {
+            unsupported!(path, "{element}: {e}; supported: stored and deflated files: unpack it yourself")
+        }
+        e => invalid!(path, "{element}: {e}; copy the archive again"),
     }
 }
 
@@ -119,9 +117,10 @@ pub(crate) fn unpack(path: &Path) -> Result<Unpacked> {
         let mut entry = archive.by_index(index).map_err(|e| our_error(path, &element, e))?;
         let Some(inside) = entry.enclosed_name() else {
             let name = String::from_utf8_lossy(entry.name_raw());
-            return Err(Error::invalid(
+            return Err(invalid!(
                 path,
-                format!("{element} ({}) points outside the archive; do not trust it", quoted(&name)),
+                "{element} ({}) points outside the archive; do not trust it",
+                quoted(&name)
             ));
         };
         let extension = inside.extension().unwrap_or_default().to_ascii_lowercase();
@@ -138,9 +137,9 @@ pub(crate) fn unpack(path: &Path) -> Result<Unpacked> {
             our_error(path, &format!("{element} ({})", quoted(&inside.to_string_lossy())), ZipError::Io(e))
         })?;
         allowed_bytes = allowed_bytes.checked_sub(copied).ok_or_else(|| {
-            Error::invalid(
+            invalid!(
                 path,
-                format!("holds more than {MAX_RATIO} times its own size; unpack it yourself if you trust it"),
+                "holds more than {MAX_RATIO} times its own size; unpack it yourself if you trust it"
             )
         })?;
     }

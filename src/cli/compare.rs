@@ -9,7 +9,7 @@ use litetex_gs::console::{Interrupt, Log, Output, columns, path_text};
 use litetex_gs::run::find_checkpoint;
 use litetex_gs::text::shortened;
 use litetex_gs::verify::{Difference, SceneRenderer, evenly_spread};
-use litetex_gs::{Error, Result};
+use litetex_gs::{Error, Result, invalid, usage};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -53,11 +53,11 @@ pub fn run(args: &CompareArgs, log: &Log) -> Result<Output> {
         (true, true) => scenes(args, log)?,
         (false, false) => images(&args.a, &args.b)?,
         _ => {
-            return Err(Error::Usage(format!(
+            return Err(usage!(
                 "{} and {}: one is a scene, the other is not",
                 args.a.display(),
                 args.b.display()
-            )));
+            ));
         }
     };
     let psnr = mean(&differences, Difference::psnr);
@@ -123,7 +123,7 @@ fn scenes(args: &CompareArgs, log: &Log) -> Result<Vec<Difference>> {
     let cameras = &b.asset.cameras;
     if cameras.is_empty() {
         let what = "has no cameras to render from; give a run, or an asset with cameras, as B";
-        return Err(Error::Usage(format!("{}: {what}", args.b.display())));
+        return Err(usage!("{}: {what}", args.b.display()));
     }
     let views = evenly_spread(cameras, args.views.map_or(usize::MAX, |v| v as usize));
     let interrupt = Interrupt::current();
@@ -142,7 +142,7 @@ fn scenes(args: &CompareArgs, log: &Log) -> Result<Vec<Difference>> {
 
 fn images(a: &Path, b: &Path) -> Result<Vec<Difference>> {
     if a.is_dir() != b.is_dir() {
-        return Err(Error::Usage(format!("{} and {}: a folder and a file", a.display(), b.display())));
+        return Err(usage!("{} and {}: a folder and a file", a.display(), b.display()));
     }
     if !a.is_dir() {
         return Ok(vec![difference(&a.display().to_string(), a, b)?]);
@@ -150,20 +150,20 @@ fn images(a: &Path, b: &Path) -> Result<Vec<Difference>> {
     let [in_a, in_b] = [names(a)?, names(b)?];
     let both: Vec<&PathBuf> = in_a.intersection(&in_b).collect();
     if both.is_empty() {
-        return Err(Error::Usage(format!(
+        return Err(usage!(
             "none of the {1} images in {0} shares a name with any of the {3} in {2}",
             a.display(),
             in_a.len(),
             b.display(),
             in_b.len()
-        )));
+        ));
     }
     let alone = in_a.symmetric_difference(&in_b).count();
     if alone > 0 {
-        return Err(Error::Usage(format!(
+        return Err(usage!(
             "{alone} images are in one folder only, the first is {}",
             in_a.symmetric_difference(&in_b).next().map_or(String::new(), |p| p.display().to_string())
-        )));
+        ));
     }
     both.into_iter()
         .map(|name| difference(&name.display().to_string(), &a.join(name), &b.join(name)))
@@ -173,16 +173,14 @@ fn images(a: &Path, b: &Path) -> Result<Vec<Difference>> {
 fn difference(name: &str, a: &Path, b: &Path) -> Result<Difference> {
     let [found, expected] = [read(a)?, read(b)?];
     if [found.width_px, found.height_px] != [expected.width_px, expected.height_px] {
-        return Err(Error::invalid(
+        return Err(invalid!(
             a,
-            format!(
-                "{} x {} pixels, {} has {} x {}",
-                found.width_px,
-                found.height_px,
-                b.display(),
-                expected.width_px,
-                expected.height_px
-            ),
+            "{} x {} pixels, {} has {} x {}",
+            found.width_px,
+            found.height_px,
+            b.display(),
+            expected.width_px,
+            expected.height_px
         ));
     }
     Ok(Difference::of(name, &found, &expected))

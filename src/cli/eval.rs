@@ -11,7 +11,7 @@ use litetex_gs::run::{Quality, Trained, check_empty, write_per_view, write_view}
 use litetex_gs::train::{self, Control, Evaluated};
 use litetex_gs::verify::CaptureIdentity;
 use litetex_gs::views::{Split, ViewSource};
-use litetex_gs::{Error, Result};
+use litetex_gs::{Error, Result, usage};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -126,9 +126,7 @@ fn evaluate(
 ) -> Result<Evaluation> {
     let views = capture.indices(Split::Test);
     if views.is_empty() {
-        return Err(Error::Usage(
-            "the capture has no test views; train with --test-every to hold some out".to_owned(),
-        ));
+        return Err(usage!("the capture has no test views; train with --test-every to hold some out"));
     }
     trained.identity.check_held_out(&CaptureIdentity::new(capture, capture.capture_from_local))?;
     if let Some(out) = out {
@@ -146,7 +144,7 @@ fn evaluate(
     };
     let Evaluated::Figures(evaluation) = train::evaluate(backend, capture, &views, &options, &mut on_view)?
     else {
-        return Err(Error::Usage("the masks exclude every pixel of every test view; check them".to_owned()));
+        return Err(usage!("the masks exclude every pixel of every test view; check them"));
     };
     if let Some(out) = out {
         write_per_view(out, &evaluation)?;

@@ -18,7 +18,7 @@ use litetex_gs::verify::{
     Backends, BakedScene, Contribution, EXPORT_VIEWS, ExpectedImages, GoOn, PhotoPsnr, QualityLimits,
     ReadBack, Rounding, SceneRenderer, Verdict, evenly_spread, find_rounding, find_sh_bits, verify,
 };
-use litetex_gs::{Error, Report, Result};
+use litetex_gs::{Error, Report, Result, usage};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -82,6 +82,14 @@ struct Exported {
     on_test_photos: Option<PhotoPsnr>,
 }
 
+/// What all files of an export share.
+struct Job<'a> {
+    args: &'a AssetArgs,
+    device: &'a str,
+    go_on: GoOn<'a>,
+    log: &'a Log,
+}
+
 /// What files are compared with.
 struct Verification<'a> {
     renderer: SceneRenderer<'a>,
@@ -113,14 +121,13 @@ pub fn write_all(
     let photos = if args.no_verify { None } else { photos_of_tests(&scene, trained, log) };
     let (tests, training): (Vec<_>, Vec<_>) = scene.asset.cameras.iter().cloned().partition(|c| c.held_out);
     let views = [training, tests].map(|cameras| evenly_spread(&cameras, EXPORT_VIEWS));
-    let mut verification =
-        verification(&scene.asset, [&views[0], &views[1]], photos.as_ref(), (args, device), &go_on, log)?;
+    let job = Job { args, device, go_on: &go_on, log };
+    let mut verification = job.verification(&scene.asset, [&views[0], &views[1]], photos.as_ref())?;
     let mut exports = Exports { files: Vec::new(), stopped: None };
     for path in outputs {
         let next = interrupt.check().and_then(|()| {
-            let rounding = rounding(&scene, path, args, device, &go_on, log)?;
-            let spz = spz_options(&scene.asset, path, args, device, &go_on, log)?;
-            write_one(&scene.asset, path, args, (rounding, spz), verification.as_mut(), log)
+            let how = (job.rounding(&scene, path)?, job.spz_options(&scene.asset, path)?);
+            job.write_one(&scene.asset, path, how, verification.as_mut())
         });
         match next {
             Ok(exported) => exports.files.push(exported),
@@ -156,7 +163,7 @@ fn edit(scene: &mut BakedScene, args: &AssetArgs, go_on: GoOn<'_>, log: &Log) ->
             0 => "the scene has no splats",
             _ => "--crop and --min-contribution leave no splats",
         };
-        return Err(Error::Usage(format!("{}: {why}", scene.path.display())));
+        return Err(usage!("{}: {why}", scene.path.display()));
     }
     if let Some(up) = args.up.and_then(|up| up.in_capture) {
         asset.set_up(up);
@@ -190,132 +197,129 @@ fn photos_of_tests(scene: &BakedScene, trained: Option<&Trained>, log: &Log) -> 
     })
 }
 
-/// Renders the scene at training and test views, unless files are not to be verified or it has no cameras.
-fn verification<'a>(
-    asset: &'a SplatAsset,
-    [views, tests]: [&'a [AssetCamera]; 2],
-    photos: Option<&'a Capture>,
-    (args, device): (&AssetArgs, &str),
-    go_on: GoOn<'a>,
-    log: &Log,
-) -> Result<Option<Verification<'a>>> {
-    if args.no_verify {
-        log.detail("the files are not verified");
-        return Ok(None);
-    }
-    if views.is_empty() {
-        log.warn("not-verified", "the scene has no cameras: the files cannot be verified by rendering", 1);
-        return Ok(None);
-    }
-    let mut renderer = SceneRenderer::new(device::open(device, log)?, go_on);
-    let expected = ExpectedImages::render(&mut renderer, asset, views)?;
-    let of_tests = |photos| Ok::<_, Error>((ExpectedImages::render(&mut renderer, asset, tests)?, photos));
-    let tests = photos.map(of_tests).transpose()?;
-    Ok(Some(Verification { renderer, expected, tests }))
-}
-
-/// How the numbers of a file are rounded. Bounds of size and loss are only for `.ltgs` files.
-fn rounding(
-    scene: &BakedScene,
-    path: &Path,
-    args: &AssetArgs,
-    device: &str,
-    go_on: GoOn<'_>,
-    log: &Log,
-) -> Result<Rounding> {
-    // Lossless files have nothing to look for; bounds contradict them, which the search reports.
-    let goal = args
-        .goal_of(Format::of(path)?)
-        .filter(|goal| goal.quality != Quality::Lossless || goal.own_limits().is_some());
-    let Some(goal) = goal else {
-        if args.effort.is_some() {
-            let what =
-                "--effort applies only to lossy .ltgs and .html files and to glTF files of quality tiny";
-            log.warn("effort-not-applied", &format!("{}: {what}", path.display()), 1);
+impl<'a> Job<'a> {
+    /// Renders the scene at training and test views, unless files are not to be verified or it has no cameras.
+    fn verification(
+        &self,
+        asset: &'a SplatAsset,
+        [views, tests]: [&'a [AssetCamera]; 2],
+        photos: Option<&'a Capture>,
+    ) -> Result<Option<Verification<'a>>> {
+        let &Self { args, device, go_on, log } = self;
+        if args.no_verify {
+            log.detail("the files are not verified");
+            return Ok(None);
         }
-        return Ok(Rounding::plain(args.quality()));
-    };
-    let of_source = scene.contents.as_ref().and_then(|contents| contents.quality);
-    if let Some(lossy) = of_source.filter(|&quality| quality != Quality::Lossless) {
-        let (source, lossy) = (scene.path.display(), lossy.name());
-        let what = format!("made of {source}, which is of quality {lossy}: the losses of both add up");
-        log.warn("lossy-source", &format!("{}: {what}", path.display()), 1);
+        if views.is_empty() {
+            log.warn(
+                "not-verified",
+                "the scene has no cameras: the files cannot be verified by rendering",
+                1,
+            );
+            return Ok(None);
+        }
+        let mut renderer = SceneRenderer::new(device::open(device, log)?, go_on);
+        let expected = ExpectedImages::render(&mut renderer, asset, views)?;
+        let of_tests =
+            |photos| Ok::<_, Error>((ExpectedImages::render(&mut renderer, asset, tests)?, photos));
+        let tests = photos.map(of_tests).transpose()?;
+        Ok(Some(Verification { renderer, expected, tests }))
     }
-    if goal != args.rate_goal() {
-        let what =
-            "--max-size and --max-loss bound only .ltgs files; the file keeps the limits of its quality";
-        log.warn("bounds-not-applied", &format!("{}: {what}", path.display()), 1);
-    }
-    let mut report = Report::default();
-    let backends = Backends {
-        statistics: &|| device::open("cpu", log),
-        rendering: &|| device::open(device, log),
-        go_on,
-    };
-    let rounding = find_rounding(scene, &goal, &backends, &mut report)?;
-    log.report(&report);
-    Ok(rounding)
-}
 
-/// How to write a `.spz` file: the bits of its SH coefficients are those that the quality needs.
-fn spz_options(
-    asset: &SplatAsset,
-    path: &Path,
-    args: &AssetArgs,
-    device: &str,
-    go_on: GoOn<'_>,
-    log: &Log,
-) -> Result<SpzOptions> {
-    let options = args.spz();
-    if Format::of(path)? != Format::Spz {
-        return Ok(options);
+    /// How the numbers of a file are rounded. Bounds of size and loss are only for `.ltgs` files.
+    fn rounding(&self, scene: &BakedScene, path: &Path) -> Result<Rounding> {
+        let &Self { args, device, go_on, log } = self;
+        // Lossless files have nothing to look for; bounds contradict them, which the search reports.
+        let goal = args
+            .goal_of(Format::of(path)?)
+            .filter(|goal| goal.quality != Quality::Lossless || goal.own_limits().is_some());
+        let Some(goal) = goal else {
+            if args.effort.is_some() {
+                let what =
+                    "--effort applies only to lossy .ltgs and .html files and to glTF files of quality tiny";
+                log.warn("effort-not-applied", &format!("{}: {what}", path.display()), 1);
+            }
+            return Ok(Rounding::plain(args.quality()));
+        };
+        let of_source = scene.contents.as_ref().and_then(|contents| contents.quality);
+        if let Some(lossy) = of_source.filter(|&quality| quality != Quality::Lossless) {
+            let (source, lossy) = (scene.path.display(), lossy.name());
+            let what = format!("made of {source}, which is of quality {lossy}: the losses of both add up");
+            log.warn("lossy-source", &format!("{}: {what}", path.display()), 1);
+        }
+        if goal != args.rate_goal() {
+            let what =
+                "--max-size and --max-loss bound only .ltgs files; the file keeps the limits of its quality";
+            log.warn("bounds-not-applied", &format!("{}: {what}", path.display()), 1);
+        }
+        let mut report = Report::default();
+        let backends = Backends {
+            statistics: &|| device::open("cpu", log),
+            rendering: &|| device::open(device, log),
+            go_on,
+        };
+        let rounding = find_rounding(scene, &goal, &backends, &mut report)?;
+        log.report(&report);
+        Ok(rounding)
     }
-    let open = || Ok(SceneRenderer::new(device::open(device, log)?, go_on));
-    let sh_bits = find_sh_bits(asset, args.quality(), open)?;
-    if asset.sh_degree > 0 {
-        let ShBits { first, rest } = sh_bits;
-        log.detail(&format!("{}: SH in {first} bits (degree 1) and {rest} bits (others)", path.display()));
-    }
-    Ok(SpzOptions { sh_bits, ..options })
-}
 
-fn write_one(
-    asset: &SplatAsset,
-    path: &Path,
-    args: &AssetArgs,
-    (rounding, spz): (Rounding, SpzOptions),
-    verification: Option<&mut Verification<'_>>,
-    log: &Log,
-) -> Result<Exported> {
-    if let Some(folder) = path.parent().filter(|f| !f.as_os_str().is_empty()) {
-        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+    /// How to write a `.spz` file: the bits of its SH coefficients are those that the quality needs.
+    fn spz_options(&self, asset: &SplatAsset, path: &Path) -> Result<SpzOptions> {
+        let &Self { args, device, go_on, log } = self;
+        let options = args.spz();
+        if Format::of(path)? != Format::Spz {
+            return Ok(options);
+        }
+        let open = || Ok(SceneRenderer::new(device::open(device, log)?, go_on));
+        let sh_bits = find_sh_bits(asset, args.quality(), open)?;
+        if asset.sh_degree > 0 {
+            let ShBits { first, rest } = sh_bits;
+            log.detail(&format!(
+                "{}: SH in {first} bits (degree 1) and {rest} bits (others)",
+                path.display()
+            ));
+        }
+        Ok(SpzOptions { sh_bits, ..options })
     }
-    if args.quality.is_some() && Format::of(path)? == Format::Ply {
-        let what = "this format has a single quality: --quality does not apply";
-        log.warn("quality-not-applied", &format!("{}: {what}", path.display()), 1);
+
+    fn write_one(
+        &self,
+        asset: &SplatAsset,
+        path: &Path,
+        (rounding, spz): (Rounding, SpzOptions),
+        verification: Option<&mut Verification<'_>>,
+    ) -> Result<Exported> {
+        let &Self { args, log, .. } = self;
+        if let Some(folder) = path.parent().filter(|f| !f.as_os_str().is_empty()) {
+            std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+        }
+        if args.quality.is_some() && Format::of(path)? == Format::Ply {
+            let what = "this format has a single quality: --quality does not apply";
+            log.warn("quality-not-applied", &format!("{}: {what}", path.display()), 1);
+        }
+        let Rounding { quality, steps, .. } = rounding;
+        let options = WriteOptions {
+            quality,
+            mesh: args.mesh,
+            steps,
+            per_splat: rounding.per_splat(),
+            cameras: args.cameras(),
+            ply_up: args.up.unwrap_or_default().ply,
+            spz,
+        };
+        let staged = stage_asset(path, rounding.adapted.as_ref().unwrap_or(asset), &options)?;
+        for note in &staged.written().notes {
+            log.warn("export", &format!("{}: {note}", path.display()), 1);
+        }
+        let limits = args.rate_goal().own_limits().filter(|_| Format::from_path(path) == Some(Format::Ltgs));
+        let verified = verification.map(|with| verify_staged(with, &staged.path(), limits)).transpose()?;
+        let (verdict, on_test_photos) = verified.unzip();
+        // A file that failed replaces nothing.
+        let is_right = verdict.as_ref().is_none_or(|v| v.failures.is_empty());
+        let written = if is_right { staged.publish(args.force)? } else { staged.written().clone() };
+        let on_test_photos = on_test_photos.flatten();
+        Ok(Exported { path: path.to_owned(), written, raw_bytes: raw_bytes(asset), verdict, on_test_photos })
     }
-    let Rounding { quality, steps, .. } = rounding;
-    let options = WriteOptions {
-        quality,
-        mesh: args.mesh,
-        steps,
-        per_splat: rounding.per_splat(),
-        cameras: args.cameras(),
-        ply_up: args.up.unwrap_or_default().ply,
-        spz,
-    };
-    let staged = stage_asset(path, rounding.adapted.as_ref().unwrap_or(asset), &options)?;
-    for note in &staged.written().notes {
-        log.warn("export", &format!("{}: {note}", path.display()), 1);
-    }
-    let limits = args.rate_goal().own_limits().filter(|_| Format::from_path(path) == Some(Format::Ltgs));
-    let verified = verification.map(|with| verify_staged(with, &staged.path(), limits)).transpose()?;
-    let (verdict, on_test_photos) = verified.unzip();
-    // A file that failed replaces nothing.
-    let is_right = verdict.as_ref().is_none_or(|v| v.failures.is_empty());
-    let written = if is_right { staged.publish(args.force)? } else { staged.written().clone() };
-    let on_test_photos = on_test_photos.flatten();
-    Ok(Exported { path: path.to_owned(), written, raw_bytes: raw_bytes(asset), verdict, on_test_photos })
 }
 
 /// Reads a file back and compares its images with the scene's, and with the photos of test views if they are there.

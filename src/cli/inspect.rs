@@ -69,7 +69,7 @@ fn run_folder(path: &Path) -> Result<Value> {
         let mut summary = Summary::read(&path.join("summary.json"))?;
         if let Some(quality) = &mut summary.quality {
             // For one line per view there is the file itself.
-            quality.per_view.clear();
+            quality.evaluation.per_view.clear();
         }
         summary.curve.clear();
         found["summary"] = json!(summary);
@@ -136,21 +136,9 @@ fn of_asset(asset: &SplatAsset) -> Value {
         let (low, high) = bounds(asset.positions.iter().map(|p| DVec3::from_array(f.transform_point(*p))));
         json!({ "min": low, "max": high })
     };
-    let model = model_from_asset(asset);
-    let size = model.size();
-    let mut found = json!({
-        "splats": asset.num_splats(),
-        "texels": asset.num_texels(),
-        "params": size.params(),
-        "params_published": size.params_published(),
-        "sh_degree": asset.sh_degree,
-        "sh_degrees": degree_counts(&asset.sh_degrees),
-        "maps": histogram(asset.maps.iter().map(|m| (m.rows, m.cols))),
-        "bounds_in_capture": bounds_in(&asset.capture_from_local),
-        "capture_from_local": frame(&asset.capture_from_local),
-        "near": asset.near,
-        "filter": asset.filter,
-    });
+    let mut found = of_model(&model_from_asset(asset));
+    found["bounds_in_capture"] = bounds_in(&asset.capture_from_local);
+    found["capture_from_local"] = frame(&asset.capture_from_local);
     if !asset.world_from_capture.is_identity() {
         found["bounds_in_world"] = bounds_in(&asset.world_from_local());
         found["world_from_capture"] = frame(&asset.world_from_capture);

@@ -2,7 +2,7 @@
 
 use super::asset_args::AssetArgs;
 use litetex_exporters::Format;
-use litetex_gs::{Error, Result, atomic_file};
+use litetex_gs::{Error, Result, atomic_file, usage};
 use std::path::{Path, PathBuf};
 
 /// Refuses assets that cannot be written. `source` is what they are made from, if that is a file.
@@ -16,7 +16,7 @@ pub fn check(source: Option<&Path>, outputs: &[PathBuf], args: &AssetArgs) -> Re
         let format = Format::of(path)?;
         format.check_quality(args.quality(), path)?;
         format.check_name(path)?;
-        let refuse = |what: &str| Err(Error::Usage(format!("{}: {what}", path.display())));
+        let refuse = |what: &str| Err(usage!("{}: {what}", path.display()));
         if path.is_dir() || path.to_string_lossy().ends_with(std::path::is_separator) {
             return refuse("is a folder, expected the name of a file");
         }
@@ -32,7 +32,7 @@ pub fn check(source: Option<&Path>, outputs: &[PathBuf], args: &AssetArgs) -> Re
                 atomic_file::check_place(&file)?;
             }
             if file.exists() && !args.force {
-                return Err(Error::Usage(format!("{}: exists; --force replaces it", file.display())));
+                return Err(usage!("{}: exists; --force replaces it", file.display()));
             }
             taken.push((name, path));
         }
@@ -40,9 +40,7 @@ pub fn check(source: Option<&Path>, outputs: &[PathBuf], args: &AssetArgs) -> Re
     }
     let any = |is: fn(Format) -> bool| outputs.iter().filter_map(|p| Format::from_path(p)).any(is);
     if args.rate_goal().own_limits().is_some() && !any(|f| f == Format::Ltgs) {
-        return Err(Error::Usage(
-            "--max-size and --max-loss apply only to .ltgs files, and no output is one".into(),
-        ));
+        return Err(usage!("--max-size and --max-loss apply only to .ltgs files, and no output is one"));
     }
     if args.quality.is_some() && !any(|f| f != Format::Ply) {
         return Err(Error::Usage(
@@ -51,14 +49,14 @@ pub fn check(source: Option<&Path>, outputs: &[PathBuf], args: &AssetArgs) -> Re
         ));
     }
     if args.spz_version == 4 && !any(|f| f == Format::Spz) {
-        return Err(Error::Usage("--spz-version applies only to .spz files, and no output is one".into()));
+        return Err(usage!("--spz-version applies only to .spz files, and no output is one"));
     }
     if args.up.is_some_and(|up| up.in_capture.is_none()) && !any(|f| f == Format::Ply) {
         let what = "--up with a program's name applies only to .ply files, and no output is one; other formats say what is up";
         return Err(Error::Usage(what.into()));
     }
     if args.mesh && !any(|f| f.keeps_textures() && !matches!(f, Format::Ltgs | Format::Html)) {
-        return Err(Error::Usage("--mesh applies only to glTF and USD files, and no output is one".into()));
+        return Err(usage!("--mesh applies only to glTF and USD files, and no output is one"));
     }
     Ok(())
 }
@@ -81,8 +79,7 @@ fn check_folder(path: &Path) -> Result<()> {
     let there = folder.ancestors().find(|f| f.exists()).unwrap_or(Path::new("."));
     let there = if there.as_os_str().is_empty() { Path::new(".") } else { there };
     if !there.is_dir() {
-        let what = format!("{}: {} is a file, expected a folder", path.display(), there.display());
-        return Err(Error::Usage(what));
+        return Err(usage!("{}: {} is a file, expected a folder", path.display(), there.display()));
     }
     let probe = there.join(format!(".litetex.{}.probe", std::process::id()));
     let made = std::fs::OpenOptions::new().write(true).create_new(true).open(&probe);

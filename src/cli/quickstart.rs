@@ -10,7 +10,7 @@ use litetex_gs::console::values::whole;
 use litetex_gs::console::{Log, Output};
 use litetex_gs::run::{check_empty, is_run};
 use litetex_gs::sample::{SampleOptions, write_sample};
-use litetex_gs::{Error, Result};
+use litetex_gs::{Error, Result, usage};
 use std::path::{Path, PathBuf};
 
 /// Name of the sample, its folder and its assets.
@@ -91,11 +91,11 @@ fn check_folder(folder: &Path, force: bool) -> Result<()> {
     for entry in std::fs::read_dir(folder).map_err(|e| Error::io(folder, e))? {
         let name = entry.map_err(|e| Error::io(folder, e))?.file_name();
         if Path::new(&name).file_stem().is_none_or(|stem| stem != NAME && stem != RUN) {
-            return Err(Error::Usage(format!(
+            return Err(usage!(
                 "{}: the folder is not empty, and quickstart did not write {name:?}, so --force does not replace it; choose \
                  another folder",
                 folder.display()
-            )));
+            ));
         }
         is_empty = false;
     }
@@ -104,10 +104,10 @@ fn check_folder(folder: &Path, force: bool) -> Result<()> {
     if is_empty || is_run(&run) {
         return Ok(());
     }
-    Err(Error::Usage(format!(
+    Err(usage!(
         "{}: the folder is not empty, and {} is no run, so it holds no whole quickstart and --force does not replace it; \
          empty the folder, or choose another",
         folder.display(),
         run.display()
-    )))
+    ))
 }

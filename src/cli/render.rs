@@ -17,7 +17,7 @@ use litetex_gs::run::{image_name, render_options};
 use litetex_gs::text::quoted;
 use litetex_gs::verify::to_display;
 use litetex_gs::views::{Split, ViewSource};
-use litetex_gs::{Error, Result};
+use litetex_gs::{Error, Result, usage};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -99,13 +99,13 @@ impl What {
 /// Renders and says what was written.
 pub fn run(args: &RenderArgs, log: &Log) -> Result<Output> {
     if args.out.is_file() {
-        return Err(Error::Usage(format!("{}: is a file, expected a folder", args.out.display())));
+        return Err(usage!("{}: is a file, expected a folder", args.out.display()));
     }
     if let Some(by) = args.colour_by.filter(|_| !args.what.contains(&What::Colour)) {
-        return Err(Error::Usage(format!(
+        return Err(usage!(
             "--colour-by {} needs colour images, and --what excludes them; add colour to --what, or drop --colour-by",
             by.name()
-        )));
+        ));
     }
     let (mut scene, trained) = load_layers(&args.source, args.layers, log)?;
     let of_capture = match &args.capture {
@@ -212,10 +212,10 @@ impl Job {
 /// The views that were requested.
 fn jobs(args: &RenderArgs, views: &dyn ViewSource) -> Result<Vec<Job>> {
     if views.num_views() == 0 {
-        return Err(Error::Usage(format!(
+        return Err(usage!(
             "{}: the file has no cameras; name a capture with --capture",
             args.source.display()
-        )));
+        ));
     }
     let of_view = |v: usize| Job::new(args, &image_name(views, v), &views.camera(v));
     let mut all = 0..views.num_views();
@@ -224,12 +224,12 @@ fn jobs(args: &RenderArgs, views: &dyn ViewSource) -> Result<Vec<Job>> {
             Some(view) => Ok(vec![of_view(view)]),
             None => {
                 let some: Vec<String> = all.by_ref().take(5).map(|v| quoted(views.name(v))).collect();
-                Err(Error::Usage(format!(
+                Err(usage!(
                     "--view {}: no such view among {}, for example {}",
                     quoted(name),
                     views.num_views(),
                     some.join(", ")
-                )))
+                ))
             }
         };
     }
@@ -241,7 +241,7 @@ fn jobs(args: &RenderArgs, views: &dyn ViewSource) -> Result<Vec<Job>> {
     }
     let test: Vec<_> = views.indices(Split::Test).into_iter().map(of_view).collect();
     if test.is_empty() {
-        return Err(Error::Usage("--test: the scene has no test views".to_owned()));
+        return Err(usage!("--test: the scene has no test views"));
     }
     Ok(test)
 }

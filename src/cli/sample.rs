@@ -101,10 +101,8 @@ pub fn run(args: &SampleArgs, log: &Log) -> Result<Output> {
     table.row("capture", args.dir.display());
     table.row("photos", made.views);
     if made.test_views > 0 {
-        table.row(
-            "test photos",
-            format!("{} (--test-list {})", made.test_views, args.dir.join("test.txt").display()),
-        );
+        let what = format!("{} (--test-list {})", made.test_views, args.dir.join("test.txt").display());
+        table.row("test photos", what);
     }
     table.row("points", made.points);
     table.row("observations", made.observations);

@@ -7,7 +7,7 @@ use litetex_gs::frequency::{FrequencyOptions, FrequencySchedule};
 use litetex_gs::text::{format_count, format_duration};
 use litetex_gs::train::{Schedule, StageSpan, TrainConfig, stage_spans};
 use litetex_gs::views::{Split, ViewSource};
-use litetex_gs::{Error, Result};
+use litetex_gs::{Result, usage};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -41,14 +41,14 @@ impl ScheduleReport {
     /// Analyses the photos of a capture for a training of `steps`.
     ///
     /// # Errors
-    /// [`Error::Usage`] without training views; what reading the photos found.
+    /// [`litetex_gs::Error::Usage`] without training views; what reading the photos found.
     pub fn new(path: &Path, capture: &Capture, steps: u32, options: FrequencyOptions) -> Result<Self> {
         let (began, cpu_began) = (Instant::now(), process_cpu_secs());
         let schedule = FrequencySchedule::analyse(capture, &options)?;
         let analysis_secs = began.elapsed().as_secs_f64();
         let analysis_cpu_secs = process_cpu_secs() - cpu_began;
         let (width_px, height_px) = usual_size(capture)
-            .ok_or_else(|| Error::Usage("the capture has no training views: see --test-every".to_owned()))?;
+            .ok_or_else(|| usage!("the capture has no training views: see --test-every"))?;
         let config = TrainConfig { steps, scheduler: options, ..TrainConfig::default() };
         let timetable = Schedule::new(&config, capture.indices(Split::Train).len());
         let stages = stage_spans(&schedule, &timetable, &config, (width_px, height_px));

@@ -8,7 +8,7 @@ use litetex_gs::console::device;
 use litetex_gs::memory::machine_bytes;
 use litetex_gs::run::{RUN_OR_CHECKPOINT, Trained, is_checkpoint};
 use litetex_gs::verify::BakedScene;
-use litetex_gs::{Error, Report, Result};
+use litetex_gs::{Report, Result, usage};
 use std::path::Path;
 
 /// A backend that holds a trained scene.
@@ -24,7 +24,7 @@ pub fn on_device(trained: &Trained, name: &str, log: &Log) -> Result<Box<dyn Bac
 /// Refuses a file that is neither a checkpoint nor an asset; the message names `others` that can be used as well.
 ///
 /// # Errors
-/// [`Error::Unsupported`].
+/// [`litetex_gs::Error::Unsupported`].
 pub fn check_kind(source: &Path, others: &str) -> Result<()> {
     if !source.is_file() || is_asset(source) || is_checkpoint(source) {
         return Ok(());
@@ -57,15 +57,15 @@ pub fn load_scene(source: &Path, log: &Log) -> Result<(BakedScene, Option<Traine
 /// [`load_scene`], or the first layers of an asset.
 ///
 /// # Errors
-/// [`Error::Usage`] if the source has no layers, or fewer.
+/// [`litetex_gs::Error::Usage`] if the source has no layers, or fewer.
 pub fn load_layers(source: &Path, layers: Option<u32>, log: &Log) -> Result<(BakedScene, Option<Trained>)> {
     match layers {
         None => load_scene(source, log),
         Some(layers) if is_asset(source) => Ok((read_layers(source, Some(layers), log)?, None)),
-        Some(layers) => Err(Error::Usage(format!(
+        Some(layers) => Err(usage!(
             "--layers {layers}: {} is no asset; only .ltgs files and glTF files of quality tiny have layers",
             source.display()
-        ))),
+        )),
     }
 }
 
@@ -80,7 +80,7 @@ pub fn read_scene(path: &Path, log: &Log) -> Result<BakedScene> {
 /// [`read_scene`] of the first layers only; `None`: all.
 ///
 /// # Errors
-/// [`Error::Usage`] if the asset has fewer layers.
+/// [`litetex_gs::Error::Usage`] if the asset has fewer layers.
 fn read_layers(path: &Path, layers: Option<u32>, log: &Log) -> Result<BakedScene> {
     let scene = BakedScene::read(path, &ReadLimits { layers, ..read_limits() })?;
     if let Some(wanted) = layers {
@@ -104,7 +104,7 @@ fn check_layers(path: &Path, wanted: u32, found: usize) -> Result<()> {
     if found >= wanted as usize {
         return Ok(());
     }
-    Err(Error::Usage(format!("--layers {wanted}: {} {what}", path.display())))
+    Err(usage!("--layers {wanted}: {} {what}", path.display()))
 }
 
 /// How much memory an asset may take: the library's default, or half of this machine's if that is more.
@@ -119,7 +119,7 @@ pub fn read_limits() -> ReadLimits {
 /// The capture of a scene: the named folder, else the run's own if it is still there.
 ///
 /// # Errors
-/// What the loader found in the folder; [`Error::Usage`] if it is not the capture of the run.
+/// What the loader found in the folder; [`litetex_gs::Error::Usage`] if it is not the capture of the run.
 pub fn open_photos(
     scene: &BakedScene,
     trained: Option<&Trained>,

@@ -29,7 +29,7 @@ pub fn run(args: TrainArgs, log: &Log) -> Result<Output> {
     let asset = AssetArgs { force: args.force, ..AssetArgs::default() };
     // Before hours of training, not after.
     outputs::check(None, &args.export, &asset)?;
-    let Trained { summary, run, live } = train_run(&args, log)?;
+    let FinishedRun { summary, run, live } = train_run(&args, log)?;
     let mut output = train_summary::output(&summary);
     if !args.export.is_empty() {
         let (scene, trained) = load_scene(&run, log)?;
@@ -44,7 +44,7 @@ pub fn run(args: TrainArgs, log: &Log) -> Result<Output> {
 }
 
 /// A run that is done.
-pub struct Trained {
+pub struct FinishedRun {
     pub summary: Summary,
     /// Its folder.
     pub run: PathBuf,
@@ -56,7 +56,7 @@ pub struct Trained {
 ///
 /// # Errors
 /// [`Error::Interrupted`] after everything was saved; whatever else goes wrong.
-pub fn train_run(args: &TrainArgs, log: &Log) -> Result<Trained> {
+pub fn train_run(args: &TrainArgs, log: &Log) -> Result<FinishedRun> {
     let started = Instant::now();
     let mut job = TrainJob::plan(args)?;
     let mut capture = Capture::load(job.config.data()?, &job.config.capture)?;
@@ -103,7 +103,7 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<Trained> {
         ));
         return Err(Error::Interrupted);
     }
-    Ok(Trained { summary, run: job.out, live })
+    Ok(FinishedRun { summary, run: job.out, live })
 }
 
 /// The state to train from: that of a checkpoint, or a new one.

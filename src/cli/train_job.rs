@@ -10,7 +10,7 @@ use litetex_gs::run::{
 use litetex_gs::train::{TrainState, checkpoint};
 use litetex_gs::verify::CaptureIdentity;
 use litetex_gs::views::ViewSource;
-use litetex_gs::{Error, Report, Result};
+use litetex_gs::{Error, Report, Result, invalid, usage};
 use std::path::{Path, PathBuf};
 
 /// A training to do.
@@ -51,11 +51,9 @@ impl TrainJob {
         let out = match (&args.out, &resumed) {
             (Some(out), _) => out.clone(),
             (None, Some((resume, _))) => run_of_checkpoint(&resume.checkpoint)
-                .ok_or_else(|| Error::Usage("--out: name the folder of the run".to_owned()))?,
+                .ok_or_else(|| usage!("--out: name the folder of the run"))?,
             (None, None) => {
-                return Err(Error::Usage(
-                    "no output folder given: litetex train <CAPTURE> -o <RUN>".to_owned(),
-                ));
+                return Err(usage!("no output folder given: litetex train <CAPTURE> -o <RUN>"));
             }
         };
         let mut lock = None;
@@ -116,24 +114,23 @@ impl Resume {
         let fixed =
             ["sh-degree", "policy", "seed", "init", "max-points", "sweep", "backdrop", "exposure", "filter"];
         if let Some(name) = self.changed.iter().find(|name| fixed.contains(&name.as_str())) {
-            return Err(Error::Usage(format!(
+            return Err(usage!(
                 "--{name}: a resumed run keeps the value of its checkpoint; start a new run to change it"
-            )));
+            ));
         }
         if self.state.step > config.train.steps {
-            return Err(Error::Usage(format!(
+            return Err(usage!(
                 "--steps {}: the checkpoint is already at step {}",
-                config.train.steps, self.state.step
-            )));
+                config.train.steps,
+                self.state.step
+            ));
         }
         self.identity.check_resumable(&CaptureIdentity::new(capture, capture.capture_from_local))?;
         if let Some(view) = self.state.epoch_order.iter().find(|&&v| v as usize >= capture.num_views()) {
-            return Err(Error::invalid(
+            return Err(invalid!(
                 &self.checkpoint,
-                format!(
-                    "view {view} of its epoch is not one of the capture's {}: the capture has changed since",
-                    capture.num_views()
-                ),
+                "view {view} of its epoch is not one of the capture's {}: the capture has changed since",
+                capture.num_views()
             ));
         }
         Ok(())
@@ -145,14 +142,11 @@ impl Resume {
         report.merge(std::mem::take(&mut self.report));
         log.info(&format!("continuing {} after step {}", self.checkpoint.display(), self.state.step));
         if !self.changed.is_empty() {
-            log.warn(
-                "resumed-with-other-settings",
-                &format!(
-                    "{} differ from the checkpoint: this is a new schedule, not the continuation of the old run",
-                    self.changed.join(", ")
-                ),
-                self.changed.len(),
+            let what = format!(
+                "{} differ from the checkpoint: this is a new schedule, not the continuation of the old run",
+                self.changed.join(", ")
             );
+            log.warn("resumed-with-other-settings", &what, self.changed.len());
         }
     }
 
@@ -171,7 +165,7 @@ fn resume_source(args: &TrainArgs) -> Result<Option<PathBuf>> {
     match (&args.resume, &args.out) {
         (None, _) => Ok(None),
         (Some(Some(path)), _) | (Some(None), Some(path)) => Ok(Some(path.clone())),
-        (Some(None), None) => Err(Error::Usage("--resume: name the run here or with --out".to_owned())),
+        (Some(None), None) => Err(usage!("--resume: name the run here or with --out")),
     }
 }
 
@@ -204,12 +198,12 @@ fn resolve_config(args: &TrainArgs, before: Option<&RunConfig>) -> Result<RunCon
 fn check_latest(state: &TrainState, run: &Path) -> Result<()> {
     match checkpoints_after(run, state.step)?.last() {
         None => Ok(()),
-        Some(last) => Err(Error::Usage(format!(
+        Some(last) => Err(usage!(
             "the run has checkpoints after step {}, up to {}; continue it elsewhere with -o <RUN>, or add \
              --force to delete the later checkpoints and evaluations",
             state.step,
             last.display()
-        ))),
+        )),
     }
 }
 
@@ -217,12 +211,12 @@ fn check_latest(state: &TrainState, run: &Path) -> Result<()> {
 fn check_apart(resume: Option<&Resume>, out: &Path) -> Result<()> {
     match resume.filter(|resume| holds_checkpoint(out, &resume.checkpoint)) {
         None => Ok(()),
-        Some(resume) => Err(Error::Usage(format!(
+        Some(resume) => Err(usage!(
             "{}: the folder holds the checkpoint to continue from, {}; choose another folder, or name the checkpoint \
              in checkpoints/ of its run",
             out.display(),
             resume.checkpoint.display()
-        ))),
+        )),
     }
 }
 

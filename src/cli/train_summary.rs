@@ -10,7 +10,7 @@ pub fn output(s: &Summary) -> Output {
     let mut table = Table::default();
     table.row("scene", &s.scene);
     table.row("steps", format!("{} ({})", format_count(u64::from(s.steps)), s.stopped_by));
-    if let Some(q) = &s.quality {
+    if let Some(q) = s.quality.as_ref().map(|quality| &quality.evaluation) {
         table.row("test PSNR", format!("{:.2} dB", q.psnr));
         table.row("test gradient-PSNR", format!("{:.2} dB", q.grad_psnr));
         table.row("test SSIM (3DGS / valid)", format!("{:.4} / {:.4}", q.ssim_3dgs, q.ssim_valid));
@@ -29,10 +29,9 @@ pub fn output(s: &Summary) -> Output {
         let [balanced, tiny] = [disk.ltgs_balanced, disk.ltgs_tiny].map(|bytes| format_bytes(bytes as u64));
         table.row(".ltgs file (balanced / tiny)", format!("{balanced} / {tiny}"));
     }
-    table.row(
-        "training time (wall / CPU)",
-        format!("{} / {}", format_duration(s.time.train_wall_secs), format_duration(s.time.train_cpu_secs)),
-    );
+    let what =
+        format!("{} / {}", format_duration(s.time.train_wall_secs), format_duration(s.time.train_cpu_secs));
+    table.row("training time (wall / CPU)", what);
     table.row("total time", format_duration(s.time.total_wall_secs));
     if let Some(fps) = &s.fps {
         table.row("rendering", format!("{:.1} fps at {} x {}", fps.median, fps.width_px, fps.height_px));

@@ -11,7 +11,7 @@ use litetex_gs::verify::{
     ExpectedImages, PhotoPsnr, QualityLimits, ReadBack, SceneRenderer, Verdict, evenly_spread, verify,
 };
 use litetex_gs::views::ViewSource;
-use litetex_gs::{Error, Result};
+use litetex_gs::{Error, Result, usage};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -51,7 +51,7 @@ pub fn run(args: &VerifyArgs, log: &Log) -> Result<Output> {
     let format = Format::of(&args.file).map_err(Error::from)?;
     let file = read_scene(&args.file, log)?;
     let (scene, trained) = load_scene(&args.against, log)?;
-    let Some(contents) = &file.contents else { return Err(Error::Usage("not a file".into())) };
+    let Some(contents) = &file.contents else { return Err(usage!("not a file")) };
     let mut limits = QualityLimits::of_file(&args.file, contents);
     if args.max_loss.is_some() || args.min_psnr.is_some() {
         limits = QualityLimits { max_loss_db: args.max_loss, min_psnr: args.min_psnr, ..QualityLimits::NONE };
@@ -103,10 +103,8 @@ fn add_rows(v: &Verdict, table: &mut Table) {
     table.row("PSNR", format!("{:.2} dB, worst {:.2} dB, against {scene}", v.psnr, v.psnr_worst));
     table.row("SSIM, FLIP", format!("{:.6}, {:.6}", v.ssim, v.flip));
     table.row("largest difference", format!("{:e}", v.largest));
-    table.row(
-        "lost",
-        format!("{:.4} dB at the scene's quality, worst view {:.4} dB", v.loss_db, v.loss_worst_db),
-    );
+    let what = format!("{:.4} dB at the scene's quality, worst view {:.4} dB", v.loss_db, v.loss_worst_db);
+    table.row("lost", what);
     for (name, figures) in [("training photos", v.on_training_photos), ("test photos", v.on_test_photos)] {
         if let Some(PhotoPsnr { before, after, .. }) = figures {
             table.row(name, format!("{before:.3} dB before, {after:.3} dB after (not checked)"));

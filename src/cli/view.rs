@@ -11,7 +11,7 @@ use litetex_gs::console::values::whole;
 use litetex_gs::console::{Interrupt, Log, Output};
 use litetex_gs::run::{RUN_OR_CHECKPOINT, is_run};
 use litetex_gs::verify::BakedScene;
-use litetex_gs::{Error, Result};
+use litetex_gs::{Error, Result, usage};
 use serde_json::json;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -147,7 +147,7 @@ fn show_scene(scene: &BakedScene, shown: &Shown) -> Result<()> {
 pub fn start(port: Option<u16>, option: &str, shown: &Arc<Shown>) -> Result<Server> {
     Server::start(port.unwrap_or(0), Arc::clone(shown)).map_err(|e| match (port, e.kind()) {
         (Some(port), ErrorKind::AddrInUse | ErrorKind::PermissionDenied) => {
-            Error::Usage(format!("{option} {port}: {e}; choose another port, or leave {option} out"))
+            usage!("{option} {port}: {e}; choose another port, or leave {option} out")
         }
         _ => Error::Device(format!("cannot serve the page: {e}")),
     })

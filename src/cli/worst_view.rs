@@ -5,7 +5,7 @@ use litetex_gs::capture::Capture;
 use litetex_gs::eval::{Evaluation, quantised};
 use litetex_gs::image::{Channels, JPEG_QUALITY, write_jpeg, write_png};
 use litetex_gs::views::{Split, ViewSource as _};
-use litetex_gs::{Error, Result};
+use litetex_gs::{Result, usage};
 use std::path::Path;
 
 /// Pixels between the two images.
@@ -14,12 +14,12 @@ const GAP_PX: usize = 4;
 /// Checks the extension of the file.
 ///
 /// # Errors
-/// [`Error::Usage`].
+/// [`litetex_gs::Error::Usage`].
 pub fn check(path: &Path) -> Result<()> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
     match extension.as_str() {
         "jpg" | "jpeg" | "png" => Ok(()),
-        _ => Err(Error::Usage(format!("--worst {}: expected a .jpg or .png file", path.display()))),
+        _ => Err(usage!("--worst {}: expected a .jpg or .png file", path.display())),
     }
 }
 

@@ -215,7 +215,7 @@ fn find_gpu(name: &str) -> Result<&'static Gpu> {
 fn no_device_of_this_build(name: &str) -> Error {
     let what =
         "is not a device of this build, which was compiled without GPU support; expected \"auto\" or \"cpu\"";
-    Error::unsupported("--device", format!("{name:?} {what}"))
+    unsupported!("--device", "{name:?} {what}")
 }
 
 #[cfg(not(feature = "gpu"))]

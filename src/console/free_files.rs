@@ -1,12 +1,12 @@
 //! Checks the names of files to be written before any work is done.
 
-use crate::{Error, Result, atomic_file};
+use crate::{Result, atomic_file};
 use std::path::PathBuf;
 
 /// Refuses files that exist, unless they may be replaced, and anything else in their place: folders, devices, pipes.
 ///
 /// # Errors
-/// [`Error::Usage`] naming the first of them.
+/// [`crate::Error::Usage`] naming the first of them.
 pub fn check_free(files: &[PathBuf], force: bool) -> Result<()> {
     files.iter().try_for_each(|file| atomic_file::check_place(file))?;
     let taken: Vec<&PathBuf> =
@@ -16,5 +16,5 @@ pub fn check_free(files: &[PathBuf], force: bool) -> Result<()> {
         1 => "exists already; --force replaces it".to_owned(),
         n => format!("exists already, as do {} more of the files to write; --force replaces them", n - 1),
     };
-    Err(Error::Usage(format!("{}: {what}", first.display())))
+    Err(usage!("{}: {what}", first.display()))
 }

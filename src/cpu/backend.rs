@@ -5,7 +5,7 @@ use super::loss::LossBuffers;
 use super::math::BLOCK_PX;
 use super::pipeline::{ViewPipeline, with_regularisers};
 use super::simd::SimdLevel;
-use super::tiles::TILE_PX;
+use super::tiles::CPU_TILE_PX;
 use super::update::{flush, update};
 use super::view::ViewF32;
 use crate::backend::{
@@ -159,7 +159,7 @@ impl Backend for CpuBackend {
     fn limits(&self, _shape: SceneShape) -> DeviceLimits {
         DeviceLimits {
             // Columns and rows of tiles are stored in 16 bits.
-            max_side_px: TILE_PX as u32 * u32::from(u16::MAX),
+            max_side_px: CPU_TILE_PX as u32 * u32::from(u16::MAX),
             max_pixels: u32::MAX.into(),
             // Floats of SH are indexed by 32 bits.
             max_splats: u64::from(u32::MAX) / SplatGroup::Sh.width(SH_DEGREE_MAX) as u64,

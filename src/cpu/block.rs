@@ -6,12 +6,12 @@
 
 use super::math::{BLOCK_PX, LANES, LaneMask, Lanes, exp};
 use super::project::{MapView, ProjectedSplat};
-use super::tiles::TILE_PX;
+use super::tiles::CPU_TILE_PX;
 use crate::constants::{ALPHA_MAX, ALPHA_MIN, DENOMINATOR_MIN};
 use fearless_simd::{Select as _, Simd, SimdBase as _, SimdFloat as _};
 
 /// Blocks per strip, a row of blocks of a tile.
-pub(super) const BLOCK_COLS: usize = TILE_PX / BLOCK_PX[0];
+pub(super) const BLOCK_COLS: usize = CPU_TILE_PX / BLOCK_PX[0];
 
 /// Pixel centres of a block, relative to the corner of its first pixel.
 const LANE_X: [f32; LANES] = lane_centres(0);
@@ -50,7 +50,7 @@ pub(super) fn strip_span(splat: &ProjectedSplat, origin_px: [i32; 2], strip: usi
         past = past.max(row.1);
     }
     first = first.max(origin_px[0]);
-    past = past.min(origin_px[0] + TILE_PX as i32);
+    past = past.min(origin_px[0] + CPU_TILE_PX as i32);
     if first >= past {
         return (0, 0);
     }
@@ -62,7 +62,7 @@ pub(super) fn strip_span(splat: &ProjectedSplat, origin_px: [i32; 2], strip: usi
 #[inline(always)]
 pub(super) fn strips(splat: &ProjectedSplat, origin_px: [i32; 2]) -> (usize, usize) {
     let first = (splat.bounds.y0 - origin_px[1]).max(0) as usize / BLOCK_PX[1];
-    let past = (splat.bounds.y1 - origin_px[1]).clamp(0, TILE_PX as i32) as usize;
+    let past = (splat.bounds.y1 - origin_px[1]).clamp(0, CPU_TILE_PX as i32) as usize;
     (first, past.div_ceil(BLOCK_PX[1]))
 }
 

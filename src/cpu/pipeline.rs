@@ -10,7 +10,7 @@ use super::project::{ProjectedSplat, base_colours, project_all};
 use super::raster_bwd::{HEADER_FLOATS, TileGradient, raster_bwd};
 use super::raster_fwd::{TileGeometry, TileInput, TileOutput, raster_fwd};
 use super::simd::dispatch;
-use super::tiles::{TILE_PIXELS, TILE_PX, Tiles, build_tiles};
+use super::tiles::{CPU_TILE_PX, TILE_PIXELS, Tiles, build_tiles};
 use super::update::UpdateInput;
 use super::view::ViewF32;
 use crate::backend::{ColourSums, LossValues, RasterCounters, RenderedImage, StepRequest};
@@ -123,10 +123,10 @@ impl ViewPipeline {
 
     /// Calls `f(output of the tile, tile, element within the tile, x)` for each pixel of an image row.
     fn for_row(&self, y: usize, width: usize, mut f: impl FnMut(&TileOutput, usize, usize, usize)) {
-        let row = y / TILE_PX * self.tiles.grid[0];
+        let row = y / CPU_TILE_PX * self.tiles.grid[0];
         for x in 0..width {
-            let tile = row + x / TILE_PX;
-            f(&self.outputs[tile], tile, element_of(x % TILE_PX, y % TILE_PX), x);
+            let tile = row + x / CPU_TILE_PX;
+            f(&self.outputs[tile], tile, element_of(x % CPU_TILE_PX, y % CPU_TILE_PX), x);
         }
     }
 
@@ -267,8 +267,8 @@ impl ViewPipeline {
         let origin = self.tiles.origin_px(tile).map(|o| o as usize);
         let mut out = TileGradient { rgb: [[0.0; TILE_PIXELS]; 3], loss: [0.0; TILE_PIXELS], geometry: None };
         let mut planes = (!self.coefficients.is_empty()).then(|| Box::new([[0.0; TILE_PIXELS]; 6]));
-        for y in origin[1]..height.min(origin[1] + TILE_PX) {
-            for x in origin[0]..width.min(origin[0] + TILE_PX) {
+        for y in origin[1]..height.min(origin[1] + CPU_TILE_PX) {
+            for x in origin[0]..width.min(origin[0] + CPU_TILE_PX) {
                 let (at, pixel) = (element_of(x - origin[0], y - origin[1]), y * width + x);
                 (0..3).for_each(|c| out.rgb[c][at] = buffers.image[c][pixel]);
                 out.loss[at] = buffers.map[pixel];

@@ -7,7 +7,7 @@ use super::block::{
 };
 use super::math::{LANES, Lanes};
 use super::project::ProjectedSplat;
-use super::tiles::{Pair, TILE_PIXELS, TILE_PX};
+use super::tiles::{CPU_TILE_PX, Pair, TILE_PIXELS};
 use crate::backend::RasterCounters;
 use crate::constants::TRANSMITTANCE_MIN;
 use fearless_simd::{Select as _, Simd, SimdBase as _, SimdFloat as _, SimdMask as _};
@@ -72,8 +72,8 @@ impl TileInput<'_> {
     /// 1 for pixels of the tile within the image, else 0.
     pub(super) fn coverage(&self) -> TilePlane {
         let mut plane = [0.0; TILE_PIXELS];
-        let extent =
-            [0, 1].map(|k| (self.size_px[k] as i32 - self.origin_px[k]).clamp(0, TILE_PX as i32) as usize);
+        let extent = [0, 1]
+            .map(|k| (self.size_px[k] as i32 - self.origin_px[k]).clamp(0, CPU_TILE_PX as i32) as usize);
         for y in 0..extent[1] {
             (0..extent[0]).for_each(|x| plane[element_of(x, y)] = 1.0);
         }

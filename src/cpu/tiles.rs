@@ -7,10 +7,10 @@ use rayon::prelude::*;
 
 /// Edge of a tile. Larger than on GPUs: each pair costs set-up and partial sums, while rows outside a splat cost
 /// nothing here (measured: 32 beats 16 on fox at 270x480).
-pub(super) const TILE_PX: usize = 32;
+pub(super) const CPU_TILE_PX: usize = 32;
 
 /// Pixels of a tile.
-pub(super) const TILE_PIXELS: usize = TILE_PX * TILE_PX;
+pub(super) const TILE_PIXELS: usize = CPU_TILE_PX * CPU_TILE_PX;
 
 /// The texels of a splat's map that a tile can touch.
 #[derive(Clone, Copy, Debug, Default)]
@@ -69,7 +69,7 @@ pub(super) fn build_tiles(
     size_px: [u32; 2],
     header_floats: usize,
 ) -> Tiles {
-    let grid = size_px.map(|s| (s as usize).div_ceil(TILE_PX));
+    let grid = size_px.map(|s| (s as usize).div_ceil(CPU_TILE_PX));
     let runs: Vec<ChunkRuns> =
         splats.par_chunks(RUN_CHUNK).map(|chunk| dispatch!(level, simd => chunk_runs(simd, chunk))).collect();
     let runs_of = |splat: usize| runs[splat / RUN_CHUNK].of(splat % RUN_CHUNK);
@@ -115,7 +115,7 @@ pub(super) fn build_tiles(
 impl Tiles {
     /// First pixel of a tile.
     pub(super) fn origin_px(&self, tile: usize) -> [i32; 2] {
-        [(tile % self.grid[0] * TILE_PX) as i32, (tile / self.grid[0] * TILE_PX) as i32]
+        [(tile % self.grid[0] * CPU_TILE_PX) as i32, (tile / self.grid[0] * CPU_TILE_PX) as i32]
     }
 
     /// Pairs of a tile, front to back.
@@ -167,7 +167,7 @@ impl ChunkRuns {
 fn chunk_runs<S: Simd>(_simd: S, splats: &[ProjectedSplat]) -> ChunkRuns {
     let mut out =
         ChunkRuns { runs: Vec::with_capacity(2 * splats.len()), ends: Vec::with_capacity(splats.len()) };
-    let tile = TILE_PX as i32;
+    let tile = CPU_TILE_PX as i32;
     for splat in splats {
         let b = &splat.bounds;
         for ty in b.y0 / tile..=(b.y1 - 1) / tile {
@@ -202,7 +202,7 @@ fn texel_window(splat: &ProjectedSplat, origin_px: [i32; 2]) -> TexelWindow {
         return whole;
     }
     let b = &splat.bounds;
-    let tile = TILE_PX as i32;
+    let tile = CPU_TILE_PX as i32;
     let x = [b.x0.max(origin_px[0]), b.x1.min(origin_px[0] + tile)].map(|v| v as f32 - splat.centre_px[0]);
     let y = [b.y0.max(origin_px[1]), b.y1.min(origin_px[1] + tile)].map(|v| v as f32 - splat.centre_px[1]);
     let mut low = [f32::INFINITY; 2];

@@ -5,8 +5,8 @@ use super::options::{FrequencyOptions, LEVELS, MAX_VIEWS, RuleSet, StartRule};
 use super::schedule::FrequencySchedule;
 use super::spectrum::{RINGS, Spectrum, Windows};
 use super::{noise, significance, stages};
+use crate::Result;
 use crate::views::{Split, ViewSource};
-use crate::{Error, Result};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -14,7 +14,7 @@ impl FrequencySchedule {
     /// Analyses the training views of a capture. The result does not depend on the number of threads.
     ///
     /// # Errors
-    /// [`Error::Usage`] for invalid settings, and whatever reading the photos reports.
+    /// [`crate::Error::Usage`] for invalid settings, and whatever reading the photos reports.
     pub fn analyse(views: &dyn ViewSource, options: &FrequencyOptions) -> Result<Self> {
         Self::analyse_by(views, options, &options.rules.set())
     }
@@ -42,12 +42,12 @@ impl FrequencySchedule {
                 let size = (photo.width_px, photo.height_px);
                 match transforms.get(&size) {
                     Some(transform) => Ok(significance::spectrum(&photo, transform)),
-                    None => Err(Error::Usage(format!(
+                    None => Err(usage!(
                         "{:?}: the photo has {}x{} px, its camera another size",
                         views.name(view),
                         size.0,
                         size.1
-                    ))),
+                    )),
                 }
             })
             .collect::<Result<_>>()?;

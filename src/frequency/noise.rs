@@ -47,9 +47,8 @@ pub(super) fn denoised_rings(spectrum: &Spectrum) -> (Vec<f64>, f64) {
     let mut rings = Vec::with_capacity(RINGS);
     for band in spectrum.cells.chunks(RINGS_TOGETHER) {
         let together = sum(band);
-        let kept = together.map(|cell| match cell.power > 0.0 {
-            true => (1.0 - floor * cell.count / cell.power).max(0.0).sqrt(),
-            false => 1.0,
+        let kept = together.map(|cell| {
+            if cell.power > 0.0 { (1.0 - floor * cell.count / cell.power).max(0.0).sqrt() } else { 1.0 }
         });
         rings.extend(
             band.iter().map(|ring| -> f64 { ring.iter().zip(kept).map(|(c, k)| c.amplitude * k).sum() }),

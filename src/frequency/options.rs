@@ -1,6 +1,6 @@
 //! Settings of the frequency schedule. Each default names its source, as in `TrainConfig`.
 
-use crate::{Error, Result};
+use crate::Result;
 use serde::{Deserialize, Serialize};
 
 /// The rules that a schedule follows; each a set of constants (method 7).
@@ -122,10 +122,10 @@ impl FrequencyOptions {
     /// Checks that all settings are in range.
     ///
     /// # Errors
-    /// [`Error::Usage`] naming the setting, what was found and what was expected.
+    /// [`crate::Error::Usage`] naming the setting, what was found and what was expected.
     pub fn check(&self) -> Result<()> {
         let complain = |name: &str, found: &dyn std::fmt::Display, expected: &str| {
-            Err(Error::Usage(format!("scheduler.{name}: found {found}, expected {expected}")))
+            Err(usage!("scheduler.{name}: found {found}, expected {expected}"))
         };
         if !(self.beta > 1.0 && self.beta <= 1e6) {
             return complain("beta", &self.beta, "more than 1 and at most 1e6");

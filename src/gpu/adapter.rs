@@ -100,7 +100,7 @@ impl Adapters {
         // An empty name, as from an unset variable in a script, is contained in every name.
         if name.trim().is_empty() {
             let known = "a name that \"litetex devices\" lists, \"auto\", \"cpu\" or \"gpu\"";
-            return Err(Error::Usage(format!("--device: found an empty name, expected {known}")));
+            return Err(usage!("--device: found an empty name, expected {known}"));
         }
         let wanted = name.to_lowercase();
         let found = if wanted == "gpu" {

@@ -4,7 +4,7 @@
 use super::adapter::AdapterChoice;
 use super::kernels::{Binding, KERNELS, Kernel, KernelId, SORT_PASS_BINDING};
 use super::layout::{SortPass, StepUniform};
-use super::shader::{Dialect, expand};
+use super::shader::expand;
 use crate::{Error, Result};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -244,7 +244,7 @@ impl GpuDevice {
 
     fn pipeline(&self, kernel: &Kernel, flags: &[&str]) -> Result<Pipeline> {
         let flags = [kernel.flags, flags].concat();
-        let expanded = expand(kernel.name, &flags, Dialect::Native).map_err(|e| self.error(&e))?;
+        let expanded = expand(kernel.name, &flags).map_err(|e| self.error(&e))?;
         let filters =
             [wgpu::ErrorFilter::OutOfMemory, wgpu::ErrorFilter::Internal, wgpu::ErrorFilter::Validation];
         let scopes = filters.map(|filter| self.device.push_error_scope(filter));

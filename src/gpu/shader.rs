@@ -92,15 +92,6 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "tile_ranges",
 ];
 
-/// Dialect of WGSL: browsers require directives that naga rejects. `Web` sets the flag WEB.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Dialect {
-    /// As naga accepts it.
-    Native,
-    /// As browsers accept it.
-    Web,
-}
-
 /// Preprocessed WGSL, ready to be compiled.
 #[derive(Clone, Debug)]
 pub struct ExpandedShader {
@@ -122,17 +113,16 @@ impl ExpandedShader {
 ///
 /// # Errors
 /// File, line and problem, if a directive is invalid or a file is missing.
-pub fn expand(kernel: &str, flags: &[&str], target: Dialect) -> Result<ExpandedShader, String> {
+pub fn expand(kernel: &str, flags: &[&str]) -> Result<ExpandedShader, String> {
     let mut out = ExpandedShader { text: String::new(), lines: Vec::new() };
     let mut included = Vec::new();
-    include(kernel, flags, target, &mut included, &mut out)?;
+    include(kernel, flags, &mut included, &mut out)?;
     Ok(out)
 }
 
 fn include(
     name: &str,
     flags: &[&str],
-    target: Dialect,
     included: &mut Vec<&'static str>,
     out: &mut ExpandedShader,
 ) -> Result<(), String> {
@@ -150,10 +140,7 @@ fn include(
         let directive = line.trim().strip_prefix('#').map(|d| d.split_once(' ').unwrap_or((d, "")));
         let active = taken.iter().all(|&t| t);
         match directive {
-            Some(("if", flag)) => {
-                let web = flag == "WEB" && target == Dialect::Web;
-                taken.push(web || flags.contains(&flag));
-            }
+            Some(("if", flag)) => taken.push(flags.contains(&flag)),
             Some(("else", _)) => {
                 let last = taken.last_mut().ok_or_else(|| wrong("#else without #if"))?;
                 *last = !*last;
@@ -162,7 +149,7 @@ fn include(
                 taken.pop().ok_or_else(|| wrong("#endif without #if"))?;
             }
             Some(_) if !active => {}
-            Some(("include", file)) => include(file, flags, target, included, out)?,
+            Some(("include", file)) => include(file, flags, included, out)?,
             Some(("constants", _)) => {
                 for constant in constants() {
                     push(out, &constant, name, number);
@@ -264,7 +251,7 @@ mod tests {
 
     #[test]
     fn expanded_lines_keep_their_origin() {
-        let expanded = expand("project", &[], Dialect::Native).unwrap();
+        let expanded = expand("project", &[]).unwrap();
         let line = expanded.text.lines().position(|l| l.starts_with("fn project(")).unwrap() as u32 + 1;
         assert!(expanded.origin(line).starts_with("shaders/project.wgsl:"), "{}", expanded.origin(line));
         assert!(!expanded.text.contains("\n#"), "a directive is left");
@@ -272,7 +259,7 @@ mod tests {
 
     #[test]
     fn a_missing_file_is_named_in_the_error() {
-        assert!(expand("nothing", &[], Dialect::Native).unwrap_err().contains("nothing"));
+        assert!(expand("nothing", &[]).unwrap_err().contains("nothing"));
     }
 
     #[test]

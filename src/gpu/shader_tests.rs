@@ -6,19 +6,19 @@ mod mirrors;
 mod parsed;
 
 use super::kernels::{KERNELS, Kernel};
-use super::shader::{Dialect, ExpandedShader, HALF_TILES, SOURCES, expand};
+use super::shader::{ExpandedShader, HALF_TILES, SOURCES, expand};
 use contract::{check, workgroup_bytes};
 use mirrors::{check_structs, mirrors};
 use parsed::Parsed;
 use std::collections::BTreeSet;
 
 fn native(kernel: &Kernel) -> ExpandedShader {
-    expand(kernel.name, kernel.flags, Dialect::Native).unwrap()
+    expand(kernel.name, kernel.flags).unwrap()
 }
 
 /// The kernel as compiled for software drivers.
 fn half_tiles(kernel: &Kernel) -> ExpandedShader {
-    expand(kernel.name, &[kernel.flags, &[HALF_TILES]].concat(), Dialect::Native).unwrap()
+    expand(kernel.name, &[kernel.flags, &[HALF_TILES]].concat()).unwrap()
 }
 
 #[test]
@@ -38,7 +38,7 @@ fn structures_agree_with_rust() {
     let mut wrong = Vec::new();
     let kernels = KERNELS.iter().map(|(_, kernel)| native(kernel));
     // Includes the atomic variant of Status.
-    let alone = [&[][..], &["ATOMIC_STATUS"]].map(|f| expand("common/status", f, Dialect::Native).unwrap());
+    let alone = [&[][..], &["ATOMIC_STATUS"]].map(|f| expand("common/status", f).unwrap());
     for expanded in kernels.chain(alone) {
         wrong.extend(check_structs(&Parsed::new(expanded).unwrap(), &mut seen));
     }
@@ -135,10 +135,10 @@ fn every_shader_file_is_listed_and_every_kernel_has_one() {
 }
 
 #[test]
-fn kernels_expand_for_browsers() {
+fn expanded_kernels_have_their_entry_point_and_no_directives() {
     for (_, kernel) in KERNELS {
-        let web = expand(kernel.name, kernel.flags, Dialect::Web).unwrap();
-        assert!(web.text.contains(&format!("fn {}(", kernel.name)));
-        assert!(!web.text.lines().any(|l| l.trim_start().starts_with('#')), "{}", kernel.name);
+        let text = expand(kernel.name, kernel.flags).unwrap().text;
+        assert!(text.contains(&format!("fn {}(", kernel.name)));
+        assert!(!text.lines().any(|l| l.trim_start().starts_with('#')), "{}", kernel.name);
     }
 }

@@ -12,9 +12,9 @@ use super::sort;
 use super::timing::Timer;
 use super::uniform::{self, UniformInputs};
 use super::view_buffers::Capacity;
+use crate::Result;
 use crate::camera::Similarity;
 use crate::model::{AdamState, Filter, LearningRates, Model, SplatArrays, TexturePool};
-use crate::{Error, Result};
 use std::collections::BTreeMap;
 
 /// Options of a [`GpuBackend`]. Only `hardware_kernels` changes results, in their last bits.
@@ -224,7 +224,7 @@ impl GpuBackend {
         if self.resources.has(Buf::SplatP) {
             return Ok(());
         }
-        Err(Error::Usage(format!("{}: no model has been uploaded", self.device.choice.name)))
+        Err(usage!("{}: no model has been uploaded", self.device.choice.name))
     }
 }
 

@@ -9,9 +9,9 @@ use super::sort;
 use super::state::{GpuBackend, PendingStep, tile_flags};
 use super::uniform;
 use super::view_buffers::RequiredCapacity;
+use crate::Result;
 use crate::backend::{ColourSums, LossValues, RasterCounters, StepReport, StepRequest};
 use crate::camera::Camera;
-use crate::{Error, Result};
 use std::time::{Duration, Instant};
 
 /// Initial pair capacity per splat.
@@ -247,7 +247,7 @@ pub(super) fn check_camera(camera: &Camera) -> Result<()> {
     if w.max(h) <= MAX_SIDE_PX && w.min(h) > 0 {
         return Ok(());
     }
-    Err(Error::Usage(format!("image of {w}x{h} px: on GPUs, sides must be between 1 and {MAX_SIDE_PX} px")))
+    Err(usage!("image of {w}x{h} px: on GPUs, sides must be between 1 and {MAX_SIDE_PX} px"))
 }
 
 pub(super) fn check_request(request: &StepRequest<'_>) -> Result<()> {

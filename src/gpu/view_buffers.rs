@@ -8,25 +8,17 @@ use super::shader::BLOCK;
 use super::sort::histogram_entries;
 use super::uniform::partial_stride;
 use crate::Result;
+use std::collections::BTreeMap;
 
 /// Current capacity of the buffers.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Capacity {
-    splats: u64,
     /// Pairs of an image.
     pub pairs: u64,
     /// Pairs of a training step, which also need partial sums. Images may have needed more.
     pub training_pairs: u64,
-    /// Floats of the partial sums.
-    partials: u64,
-    pixels: u64,
-    training_pixels: u64,
-    tiles: u64,
-    // For depths and normals.
-    geometry_splats: u64,
-    geometry_pixels: u64,
-    geometry_training_pixels: u64,
-    geometry_tiles: u64,
+    /// Bytes of each buffer.
+    bytes: BTreeMap<Buf, u64>,
 }
 
 /// Capacity that a submission needs.
@@ -44,36 +36,10 @@ pub(super) struct RequiredCapacity {
     pub geometry: bool,
 }
 
-/// All buffers that this module allocates.
-const BUFFERS: [Buf; 22] = [
-    Buf::KeysA,
-    Buf::KeysB,
-    Buf::ValuesA,
-    Buf::ValuesB,
-    Buf::Histogram,
-    Buf::SlotSplat,
-    Buf::Pairs,
-    Buf::SlotOffsets,
-    Buf::BlockSums,
-    Buf::Partials,
-    Buf::Pixels,
-    Buf::PixelState,
-    Buf::PixelGrad,
-    Buf::SsimMaps,
-    Buf::LossMap,
-    Buf::TileRanges,
-    Buf::LossPartials,
-    Buf::Normals,
-    Buf::Geometry,
-    Buf::PixelRecords,
-    Buf::GeometryPartials,
-    Buf::ExposurePartials,
-];
-
 impl Capacity {
     /// Frees all buffers.
     pub(super) fn release(&mut self, resources: &mut Resources) {
-        BUFFERS.into_iter().for_each(|name| resources.remove(name));
+        self.bytes.keys().for_each(|&name| resources.remove(name));
         *self = Self::default();
     }
 
@@ -92,75 +58,44 @@ impl Capacity {
         resources: &mut Resources,
         needs: &RequiredCapacity,
     ) -> Result<()> {
-        if needs.pairs > self.pairs || needs.splats > self.splats {
-            let (pairs, splats) = (needs.pairs.max(self.pairs), needs.splats.max(self.splats));
-            let keys = pairs.max(splats);
-            for name in [Buf::KeysA, Buf::KeysB, Buf::ValuesA, Buf::ValuesB] {
-                resources.set(name, device.buffer("sort keys", keys, 4)?);
+        let &RequiredCapacity { splats, pairs, pixels, tiles, training, statistics, geometry } = needs;
+        let keys = pairs.max(splats);
+        let histogram = histogram_entries(keys as u32);
+        let training_pairs = if training { pairs.max(self.training_pairs) } else { self.training_pairs };
+        let partial_bytes = 4 * u64::from(partial_stride(geometry, statistics));
+        // Whether it is needed, what its elements are, how many, and the bytes of each.
+        for (is_needed, name, what, elements, element_bytes) in [
+            (true, Buf::KeysA, "sort keys", keys, 4),
+            (true, Buf::KeysB, "sort keys", keys, 4),
+            (true, Buf::ValuesA, "sort keys", keys, 4),
+            (true, Buf::ValuesB, "sort keys", keys, 4),
+            (true, Buf::Histogram, "sort histograms", histogram, 4),
+            (true, Buf::SlotSplat, "tile-splat pairs", pairs, 4),
+            (true, Buf::Pairs, "tile-splat pairs", pairs, 16),
+            (true, Buf::SlotOffsets, "prefix sums", splats, 4),
+            (true, Buf::BlockSums, "prefix sums", splats.div_ceil(u64::from(BLOCK)), 4),
+            (training, Buf::Partials, "partial sums of tile-splat pairs", training_pairs, partial_bytes),
+            (true, Buf::Pixels, "pixels", pixels, 16),
+            (true, Buf::PixelState, "pixels", pixels, 8),
+            (training, Buf::PixelGrad, "pixel gradients", pixels, 16),
+            (training, Buf::SsimMaps, "SSIM maps", pixels, 36),
+            (training, Buf::LossMap, "loss per pixel", pixels, 4),
+            (true, Buf::TileRanges, "tile ranges", tiles, 8),
+            (true, Buf::LossPartials, "loss per tile", tiles, 16),
+            (true, Buf::ExposurePartials, "colour sums per tile", tiles, 96),
+            (geometry, Buf::Normals, "normals of splats", splats, 16),
+            (geometry, Buf::Geometry, "depths and normals", pixels, 32),
+            (geometry && training, Buf::PixelRecords, "pixel gradients", pixels, 48),
+            (geometry && training, Buf::GeometryPartials, "loss per tile", tiles, 8),
+        ] {
+            let bytes = elements * element_bytes;
+            if is_needed && self.bytes.get(&name).is_none_or(|have| *have < bytes) {
+                resources.set(name, device.buffer(what, elements, element_bytes)?);
+                self.bytes.insert(name, bytes);
             }
-            resources
-                .set(Buf::Histogram, device.buffer("sort histograms", histogram_entries(keys as u32), 4)?);
-            resources.set(Buf::SlotSplat, device.buffer("tile-splat pairs", pairs, 4)?);
-            resources.set(Buf::Pairs, device.buffer("tile-splat pairs", pairs, 16)?);
-            resources.set(Buf::SlotOffsets, device.buffer("prefix sums", splats, 4)?);
-            resources
-                .set(Buf::BlockSums, device.buffer("prefix sums", splats.div_ceil(u64::from(BLOCK)), 4)?);
-            (self.pairs, self.splats) = (pairs, splats);
         }
-        if needs.training {
-            let stride = partial_stride(needs.geometry, needs.statistics);
-            let pairs = needs.pairs.max(self.training_pairs);
-            let floats = pairs * u64::from(stride);
-            if floats > self.partials {
-                let what = "partial sums of tile-splat pairs";
-                resources.set(Buf::Partials, device.buffer(what, pairs, 4 * u64::from(stride))?);
-                self.partials = floats;
-            }
-            self.training_pairs = pairs;
-        }
-        if needs.pixels > self.pixels {
-            resources.set(Buf::Pixels, device.buffer("pixels", needs.pixels, 16)?);
-            resources.set(Buf::PixelState, device.buffer("pixels", needs.pixels, 8)?);
-            self.pixels = needs.pixels;
-        }
-        if needs.training && needs.pixels > self.training_pixels {
-            resources.set(Buf::PixelGrad, device.buffer("pixel gradients", needs.pixels, 16)?);
-            resources.set(Buf::SsimMaps, device.buffer("SSIM maps", needs.pixels, 36)?);
-            resources.set(Buf::LossMap, device.buffer("loss per pixel", needs.pixels, 4)?);
-            self.training_pixels = needs.pixels;
-        }
-        if needs.tiles > self.tiles {
-            resources.set(Buf::TileRanges, device.buffer("tile ranges", needs.tiles, 8)?);
-            resources.set(Buf::LossPartials, device.buffer("loss per tile", needs.tiles, 16)?);
-            resources.set(Buf::ExposurePartials, device.buffer("colour sums per tile", needs.tiles, 96)?);
-            self.tiles = needs.tiles;
-        }
-        if needs.geometry { self.ensure_geometry(device, resources, needs) } else { Ok(()) }
-    }
-
-    /// Grows the additional buffers for depths, normals and the terms on them.
-    fn ensure_geometry(
-        &mut self,
-        device: &GpuDevice,
-        resources: &mut Resources,
-        needs: &RequiredCapacity,
-    ) -> Result<()> {
-        if needs.splats > self.geometry_splats {
-            resources.set(Buf::Normals, device.buffer("normals of splats", needs.splats, 16)?);
-            self.geometry_splats = needs.splats;
-        }
-        if needs.pixels > self.geometry_pixels {
-            resources.set(Buf::Geometry, device.buffer("depths and normals", needs.pixels, 32)?);
-            self.geometry_pixels = needs.pixels;
-        }
-        if needs.training && needs.pixels > self.geometry_training_pixels {
-            resources.set(Buf::PixelRecords, device.buffer("pixel gradients", needs.pixels, 48)?);
-            self.geometry_training_pixels = needs.pixels;
-        }
-        if needs.training && needs.tiles > self.geometry_tiles {
-            resources.set(Buf::GeometryPartials, device.buffer("loss per tile", needs.tiles, 8)?);
-            self.geometry_tiles = needs.tiles;
-        }
+        self.pairs = self.pairs.max(pairs);
+        self.training_pairs = training_pairs;
         Ok(())
     }
 }

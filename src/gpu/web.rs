@@ -1,10 +1,10 @@
-//! The kernels in the dialect of browsers, for tests of their WGSL.
+//! The kernels by themselves, for tests that compile them in browsers.
 
 use super::kernels::KERNELS;
-use super::shader::{Dialect, ExpandedShader, HALF_TILES, expand};
+use super::shader::{ExpandedShader, HALF_TILES, expand};
 use crate::{Error, Result};
 
-/// A kernel variant in the dialect of browsers.
+/// A kernel variant.
 #[derive(Clone, Debug)]
 pub struct WebShader {
     /// Name of the kernel and flags of the variant, for messages.
@@ -15,7 +15,7 @@ pub struct WebShader {
     pub shader: ExpandedShader,
 }
 
-/// All kernels and their variants in the dialect of browsers, with tiles of both heights if the kernel depends on it.
+/// All kernels and their variants, with tiles of both heights if the kernel depends on it.
 ///
 /// # Errors
 /// [`Error::Device`] with file and line if the preprocessor fails.
@@ -24,7 +24,7 @@ pub fn web_shaders() -> Result<Vec<WebShader>> {
     for (_, kernel) in KERNELS {
         for tiles in [&[][..], &[HALF_TILES]] {
             let flags = [kernel.flags, tiles].concat();
-            let shader = expand(kernel.name, &flags, Dialect::Web).map_err(Error::Device)?;
+            let shader = expand(kernel.name, &flags).map_err(Error::Device)?;
             // Most kernels only define the height of tiles and never use it.
             let heights = ["TILE_ROWS_PX", "TILE_SIZE_PX", "RASTER_GROUP"];
             let mut code = shader.text.lines().filter(|line| !line.starts_with("const "));

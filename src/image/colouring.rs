@@ -1,7 +1,5 @@
 //! Depths and normals as images.
 
-use super::ramp::turbo;
-
 /// The range of depths that a depth image spreads its colours over: the 1 % and 99 % quantiles of the
 /// positive, finite ones; `None` if there are none.
 pub fn depth_range(depth: &[f32]) -> Option<(f32, f32)> {
@@ -27,11 +25,6 @@ fn nearness(depth: f32, (near, far): (f32, f32)) -> Option<f64> {
 /// Depths as grey: near is white, far is dark; zero, negative and non-finite depths are black. `[n]`
 pub fn grey_from_depth(depth: &[f32], range: (f32, f32)) -> Vec<u8> {
     depth.iter().map(|&d| nearness(d, range).map_or(0, |v| (25.0 + 230.0 * v).round() as u8)).collect()
-}
-
-/// Depths as turbo colours: near is red, far is blue, the same depths as above are black. `[n, 3]`
-pub fn turbo_from_depth(depth: &[f32], range: (f32, f32)) -> Vec<u8> {
-    depth.iter().flat_map(|&d| nearness(d, range).map_or([0; 3], turbo)).collect()
 }
 
 /// Normals in camera axes (x right, y down, z forward) as the usual normal map: red grows to the
@@ -61,10 +54,6 @@ mod tests {
         assert_eq!(range, (1.0, 4.0));
         let grey = grey_from_depth(&depth, range);
         assert_eq!(grey, [0, 255, 102, 25, 0, 0, 0]); // 1/2 lies at a third of 1/4..1
-        let colours = turbo_from_depth(&depth, range);
-        assert_eq!(colours[0..3], [0; 3]);
-        assert_eq!(colours[3..6], turbo(1.0));
-        assert_eq!(colours[9..12], turbo(0.0));
     }
 
     #[test]

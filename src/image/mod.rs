@@ -9,8 +9,8 @@ pub(crate) mod resample;
 mod target;
 mod write;
 
-pub use colouring::{depth_range, grey_from_depth, rgb_from_normal, turbo_from_depth};
+pub use colouring::{depth_range, grey_from_depth, rgb_from_normal};
 pub use legend::legend;
-pub use ramp::{magma, turbo};
+pub use ramp::magma;
 pub use target::{ALPHA_LEVELS, TargetImage, is_background};
 pub use write::{Channels, JPEG_QUALITY, write_exr, write_jpeg, write_png};

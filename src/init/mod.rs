@@ -44,10 +44,11 @@ pub struct InitialModel {
 /// or a sweep whatever reading a photo reports.
 pub fn initial_model(input: &InitInput<'_>, options: &InitOptions) -> Result<InitialModel> {
     if options.sh_degree > SH_DEGREE_MAX || options.max_points == 0 {
-        return Err(Error::Usage(format!(
+        return Err(usage!(
             "initial model: SH degree {} (expected 0 to {SH_DEGREE_MAX}), at most {} points (expected 1 or more)",
-            options.sh_degree, options.max_points
-        )));
+            options.sh_degree,
+            options.max_points
+        ));
     }
     let mut report = Report::default();
     let (mut points, is_random) = first_points(input, options, &mut report)?;

@@ -131,11 +131,8 @@ pub(super) fn thinned(
     }
     order.truncate(max_points);
     order.sort_unstable();
-    report.warn(
-        "points-thinned",
-        total - order.len(),
-        format!("{} of {total} points kept, chosen at random", order.len()),
-    );
+    let what = format!("{} of {total} points kept, chosen at random", order.len());
+    report.warn("points-thinned", total - order.len(), what);
     order.into_iter().map(|i| points[i]).collect()
 }
 

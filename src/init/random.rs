@@ -103,14 +103,6 @@ pub(super) fn points_in_views(views: &dyn ViewSource, count: usize, stream: &mut
         .unwrap_or_else(|| along_rays(&cameras, count, stream))
 }
 
-fn shows(camera: &Camera, point: DVec3) -> bool {
-    let in_camera = camera.camera_from_local.transform_point(point);
-    camera.pinhole.project(in_camera).is_some_and(|p| {
-        let (w, h) = (f64::from(camera.pinhole.width_px), f64::from(camera.pinhole.height_px));
-        p.x >= 0.0 && p.y >= 0.0 && p.x <= w && p.y <= h
-    })
-}
-
 fn axis_in_local(camera: &Camera) -> DVec3 {
     camera.camera_from_local.rotation.transpose() * DVec3::Z
 }
@@ -130,7 +122,7 @@ fn focus(cameras: &[Camera]) -> Option<DVec3> {
         rhs += across * camera.centre_in_local();
     }
     let focus = matrix.inverse() * rhs;
-    let seen = cameras.iter().filter(|c| shows(c, focus)).count();
+    let seen = cameras.iter().filter(|c| c.shows(focus)).count();
     (focus.is_finite() && seen as f64 >= 0.75 * cameras.len() as f64).then_some(focus)
 }
 
@@ -155,7 +147,7 @@ fn common_region(cameras: &[Camera], count: usize, turned: DQuat, stream: &mut S
             break;
         }
         let point = focus + radius * (turned * stream.in_ball());
-        if cameras.iter().filter(|c| shows(c, point)).take(needed).count() >= needed {
+        if cameras.iter().filter(|c| c.shows(point)).take(needed).count() >= needed {
             points.push(point);
         }
     }

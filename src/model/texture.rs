@@ -1,8 +1,8 @@
 //! Texture maps of any rectangular size in one jagged pool. A texel is stored before activation and activated to a
 //! residual in (-1, 1), which is added to the base colour.
 
+use crate::Result;
 use crate::constants::{ALPHA_MIN, MAP_SIGMA_MAX};
-use crate::{Error, Result};
 
 /// Position in the pool and size of one splat's map.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -72,7 +72,7 @@ impl TexturePool {
     /// The given maps with zero texels, placed one after the other.
     ///
     /// # Errors
-    /// [`Error::Usage`] with counts if there are more texels than 32-bit offsets can address.
+    /// [`crate::Error::Usage`] with counts if there are more texels than 32-bit offsets can address.
     pub fn neutral(extents: impl IntoIterator<Item = TextureMap>) -> Result<Self> {
         let mut num_texels = 0_u64;
         let mut maps = Vec::new();
@@ -82,12 +82,12 @@ impl TexturePool {
             num_texels += map.num_texels() as u64;
         }
         if num_texels > u32::MAX.into() {
-            return Err(Error::Usage(format!(
+            return Err(usage!(
                 "{num_texels} texels over {} maps, but a model may have at most {}; use fewer splats or smaller \
                  maps (max-points, --policy, budget.max-texels)",
                 maps.len(),
                 u32::MAX
-            )));
+            ));
         }
         Ok(Self { maps, texels: vec![0.0; 3 * num_texels as usize] })
     }
@@ -124,7 +124,7 @@ mod tests {
         // 2^32 texels are one more than fits; nothing is allocated.
         let error = TexturePool::neutral(std::iter::repeat_n(TextureMap::square(1 << 15, 1 << 15, 1.0), 4))
             .unwrap_err();
-        assert!(matches!(error, Error::Usage(_)) && error.exit_code() == 2, "{error}");
+        assert!(matches!(error, crate::Error::Usage(_)) && error.exit_code() == 2, "{error}");
         let text = error.to_string();
         assert!(text.contains("4294967296 texels over 4 maps") && text.contains("4294967295"), "{text}");
         let pool = TexturePool::neutral(

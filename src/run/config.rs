@@ -102,7 +102,7 @@ impl RunConfig {
         let mut config = self.clone();
         config.version = env!("CARGO_PKG_VERSION").to_owned();
         let body = toml::to_string_pretty(&config)
-            .map_err(|e| Error::Usage(format!("the settings cannot be written as TOML: {e}")))?;
+            .map_err(|e| usage!("the settings cannot be written as TOML: {e}"))?;
         Ok(format!(
             "# Settings of this run, resolved. Repeat it: litetex train --config config.toml -o <RUN>\n{body}"
         ))
@@ -114,7 +114,7 @@ impl RunConfig {
     /// # Errors
     /// [`Error::Usage`] naming the setting and what was expected.
     pub fn set(&mut self, setting: &str) -> Result<()> {
-        let wrong = |what: String| Error::Usage(format!("--set {setting}: {what}"));
+        let wrong = |what: String| usage!("--set {setting}: {what}");
         let (key, value) = setting
             .split_once('=')
             .ok_or_else(|| wrong("expected KEY=VALUE, such as density.quantile=0.6".to_owned()))?;
@@ -145,9 +145,7 @@ impl RunConfig {
     /// # Errors
     /// [`Error::Usage`] if none was named.
     pub fn data(&self) -> Result<&Path> {
-        self.data
-            .as_deref()
-            .ok_or_else(|| Error::Usage("no capture given: litetex train <CAPTURE> -o <RUN>".to_owned()))
+        self.data.as_deref().ok_or_else(|| usage!("no capture given: litetex train <CAPTURE> -o <RUN>"))
     }
 
     /// Names of the settings that differ and shape the result: all but those in `NOT_SHAPING`.
@@ -181,7 +179,7 @@ impl RunConfig {
     }
 
     fn to_table(&self) -> Result<toml::Table> {
-        let not_text = |e| Error::Usage(format!("the settings cannot be written as TOML: {e}"));
+        let not_text = |e| usage!("the settings cannot be written as TOML: {e}");
         toml::Table::try_from(self).map_err(not_text)
     }
 

@@ -8,7 +8,7 @@ use crate::model::{ModelSize, splat_params};
 use crate::train::density::Budget;
 use crate::train::{Backdrop, Schedule, TrainConfig, TrainState};
 use crate::views::{Split, ViewSource as _};
-use crate::{Error, Report, Result};
+use crate::{Report, Result};
 
 /// The model before the first step, and what was left out on the way.
 ///
@@ -26,12 +26,12 @@ pub fn fresh_model(
     let most =
         budget.most_splats(texels_each, config.least_sh_degree()).min(max_points.unwrap_or(usize::MAX));
     if most == 0 {
-        return Err(Error::Usage(format!(
+        return Err(usage!(
             "the budget leaves no room for a splat: each has {} parameters and, with the policy {}, {texels_each} \
              initial texels; raise budget.max-splats, budget.max-texels, --budget-params or max-points",
             splat_params(config.least_sh_degree()),
             config.policy
-        )));
+        ));
     }
     let points = source.resolve(capture)?;
     let input = InitInput {
@@ -96,14 +96,13 @@ fn bounded_start(config: &TrainConfig, budget: &Budget, num_splats: usize) -> Op
     if most > num_splats || max_splats.is_some_and(|max| max <= most) {
         return None;
     }
-    let (flag, each) = match by_texels <= by_params {
-        true => {
-            (format!("budget.max-texels {}", max_texels.unwrap_or_default()), format!("{texels_each} texels"))
-        }
-        false => (
+    let (flag, each) = if by_texels <= by_params {
+        (format!("budget.max-texels {}", max_texels.unwrap_or_default()), format!("{texels_each} texels"))
+    } else {
+        (
             format!("--budget-params {}", config.budget.max_params.unwrap_or_default()),
             format!("{params_each} parameters"),
-        ),
+        )
     };
     let splats = if num_splats == 1 { "1 splat".to_owned() } else { format!("{num_splats} splats") };
     Some(format!(

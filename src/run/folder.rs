@@ -54,11 +54,11 @@ impl RunLock {
             outcome = file.try_lock();
         }
         match outcome {
-            Err(TryLockError::WouldBlock) => Err(Error::Usage(format!(
+            Err(TryLockError::WouldBlock) => Err(usage!(
                 "{}: another training is writing into this folder; wait until it ends, or choose another folder with \
                  --out",
                 root.display()
-            ))),
+            )),
             // Not every file system has locks; two trainings in one folder are the user's risk there.
             Ok(()) | Err(TryLockError::Error(_)) => Ok(Self(file)),
         }
@@ -80,7 +80,7 @@ impl RunFolder {
         if is_empty_or_missing(root)? {
             return Ok(());
         }
-        let refuse = |what: &str| Err(Error::Usage(format!("{}: {what}", root.display())));
+        let refuse = |what: &str| Err(usage!("{}: {what}", root.display()));
         match (is_run(root), force) {
             (true, true) => Ok(()),
             (true, false) => {
@@ -221,21 +221,19 @@ pub fn check_empty(folder: &Path) -> Result<()> {
     if is_empty_or_missing(folder)? {
         return Ok(());
     }
-    Err(Error::Usage(format!("{}: the folder is not empty; choose another", folder.display())))
+    Err(usage!("{}: the folder is not empty; choose another", folder.display()))
 }
 
 /// Whether a folder does not exist or holds nothing but the file of a lock.
 fn is_empty_or_missing(folder: &Path) -> Result<bool> {
     if folder.as_os_str().is_empty() {
-        return Err(Error::Usage(
-            "the name of the output folder is empty; name a folder, or . for this one".into(),
-        ));
+        return Err(usage!("the name of the output folder is empty; name a folder, or . for this one"));
     }
     if !folder.exists() {
         return Ok(true);
     }
     if !folder.is_dir() {
-        return Err(Error::Usage(format!("{}: is a file, expected a folder", folder.display())));
+        return Err(usage!("{}: is a file, expected a folder", folder.display()));
     }
     Ok(entries(folder)?.iter().all(|entry| name_of(entry) == Some(LOCK)))
 }

@@ -67,30 +67,18 @@ impl Profile {
 
     /// Replaces all settings that profiles decide, so that nothing of another profile is left.
     pub fn apply(self, config: &mut TrainConfig) {
-        let TrainConfig {
-            policy,
-            components,
-            density,
-            scheduler,
-            sweep,
-            backdrop,
-            exposure,
-            filter,
-            loss,
-            rates,
-            ..
-        } = TrainConfig::default();
+        let fresh = TrainConfig::default();
         *config = TrainConfig {
-            policy,
-            components,
-            density,
-            scheduler,
-            sweep,
-            backdrop,
-            exposure,
-            filter,
-            loss,
-            rates,
+            policy: fresh.policy,
+            components: fresh.components,
+            density: fresh.density,
+            scheduler: fresh.scheduler,
+            sweep: fresh.sweep,
+            backdrop: fresh.backdrop,
+            exposure: fresh.exposure,
+            filter: fresh.filter,
+            loss: fresh.loss,
+            rates: fresh.rates,
             ..config.clone()
         };
         if matches!(self, Self::Paper | Self::Authors | Self::Cat) {

@@ -3,7 +3,7 @@
 
 use super::profile::Profile;
 use crate::backend::DeviceInfo;
-use crate::eval::{Evaluation, ViewQuality};
+use crate::eval::Evaluation;
 use crate::train::density::{Components, Growth};
 use crate::train::{CurvePoint, Policy, Pruned};
 use crate::{Result, Warning, atomic_file, input_file};
@@ -128,42 +128,18 @@ pub struct CaptureFigures {
 /// Quality figures, means over the test views.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Quality {
-    /// PSNR, dB.
-    pub psnr: f64,
-    /// Gradient-PSNR, dB.
-    pub grad_psnr: f64,
-    /// SSIM with zero padding, as in 3DGS.
-    pub ssim_3dgs: f64,
-    /// SSIM over the region where the window fits.
-    pub ssim_valid: f64,
-    /// Mean FLIP error.
-    pub flip: f64,
-    /// PSNR after a correction of the colours, dB.
-    pub psnr_corrected: Option<f64>,
-    /// Share of the pixels with alpha below 0.5.
-    pub uncovered: Option<f64>,
+    /// Those of this program.
+    #[serde(flatten)]
+    pub evaluation: Evaluation,
     /// Always null; `lpips_reason` says why.
     pub lpips: Option<f64>,
     /// Why.
     pub lpips_reason: String,
-    /// Figures of each view, in the order of the views.
-    pub per_view: Vec<ViewQuality>,
 }
 
 impl From<&Evaluation> for Quality {
-    fn from(e: &Evaluation) -> Self {
-        Self {
-            psnr: e.psnr,
-            grad_psnr: e.grad_psnr,
-            ssim_3dgs: e.ssim_3dgs,
-            ssim_valid: e.ssim_valid,
-            flip: e.flip,
-            psnr_corrected: e.psnr_corrected,
-            uncovered: e.uncovered,
-            lpips: None,
-            lpips_reason: LPIPS_REASON.to_owned(),
-            per_view: e.per_view.clone(),
-        }
+    fn from(evaluation: &Evaluation) -> Self {
+        Self { evaluation: evaluation.clone(), lpips: None, lpips_reason: LPIPS_REASON.to_owned() }
     }
 }
 

@@ -96,7 +96,7 @@ impl Trained {
     fn test_psnr(&self) -> Option<f64> {
         let run = self.path.parent()?.parent()?;
         let summary = Summary::read(&run.join("summary.json")).ok()?;
-        (summary.steps == self.step).then_some(summary.quality?.psnr)
+        (summary.steps == self.step).then_some(summary.quality?.evaluation.psnr)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::need::NeedScene;
 use super::stress::Stress;
-use crate::{Error, Result};
+use crate::Result;
 use serde::{Deserialize, Serialize};
 
 /// Longest image side; the ray caster is meant for small captures.
@@ -60,9 +60,9 @@ impl SampleOptions {
     /// Checks the bounds.
     ///
     /// # Errors
-    /// [`Error::Usage`] naming the first value out of range.
+    /// [`crate::Error::Usage`] naming the first value out of range.
     pub(super) fn check(&self) -> Result<()> {
-        let usage = |what: &str| Err(Error::Usage(format!("sample: {what}")));
+        let usage = |what: &str| Err(usage!("sample: {what}"));
         if !(2..=10_000).contains(&self.views) {
             return usage("the number of views must be 2 to 10000");
         }

@@ -1,9 +1,7 @@
 //! What can make a capture hard, one thing at a time: names, levels and what each changes.
 
-use super::levels::{self, Row};
+use super::levels::{Kinds, Leveled, Row};
 use serde::{Deserialize, Serialize};
-use std::fmt;
-use std::str::FromStr;
 
 /// What is changed in a capture. Test photos and their poses stay clean.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -69,105 +67,39 @@ pub enum StressKind {
 
 use StressKind as Kind;
 
-const ROWS: [Row<Kind>; 28] = [
-    (Kind::None, "none", 0.0, [0.0, 0.0], ""),
-    (Kind::Noise, "noise", 10.0, [0.0, 100.0], "standard deviation, of 255"),
-    (Kind::Checker, "checker", 6.0, [1.0, 50.0], "period, pixels of a typical view"),
-    (Kind::Wires, "wires", 1.0, [0.1, 20.0], "thickness, pixels of a typical view"),
-    (Kind::Views, "views", 9.0, [1.0, 1000.0], "training photos"),
-    (Kind::Mirror, "mirror", 0.0, [0.0, 0.0], ""),
-    (Kind::Exposure, "exposure", 0.5, [0.0, 3.0], "largest change, stops"),
-    (Kind::PoseNoise, "pose-noise", 0.3, [0.0, 20.0], "standard deviation, degrees"),
-    (Kind::WrongPoses, "wrong-poses", 0.05, [0.0, 0.5], "share of the training photos"),
-    (Kind::Offset, "offset", 1e6, [0.0, 1e9], "metres"),
-    (Kind::Scale, "scale", 1e-3, [1e-9, 1e9], "factor"),
-    (Kind::Turn, "turn", 37.0, [-180.0, 180.0], "degrees"),
-    (Kind::Outliers, "outliers", 0.3, [0.0, 1.0], "share of the points"),
-    (Kind::Duplicates, "duplicates", 0.3, [0.0, 1.0], "share of the points"),
-    (Kind::CameraPoints, "camera-points", 10.0, [0.0, 1000.0], "points"),
-    (Kind::Distance, "distance", 3.0, [0.3, 10.0], "factor"),
-    (Kind::Resolution, "resolution", 2.0, [0.1, 8.0], "factor"),
-    (Kind::Sizes, "sizes", 0.0, [0.0, 0.0], ""),
-    (Kind::SizesPadded, "sizes-padded", 0.0, [0.0, 0.0], ""),
-    (Kind::OffCentre, "off-centre", 0.2, [0.0, 0.45], "share of the width"),
-    (Kind::OffCentrePadded, "off-centre-padded", 0.2, [0.0, 0.45], "share of the width"),
-    (Kind::Anisotropic, "anisotropic", 1.25, [0.5, 2.0], "width of the image per width of the view"),
-    (Kind::Coincident, "coincident", 0.0, [0.0, 0.0], ""),
-    (Kind::Parallel, "parallel", 0.0, [0.0, 0.0], ""),
-    (Kind::Grazing, "grazing", 2.0, [0.5, 10.0], "elevation, degrees"),
-    (Kind::Sky, "sky", 0.0, [0.0, 0.0], ""),
-    (Kind::Walker, "walker", 0.0, [0.0, 0.0], ""),
-    (Kind::Cards, "cards", 120.0, [2.0, 1000.0], "frames of the video"),
-];
-
-/// A kind and how strong it is.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Stress {
-    /// What is changed.
-    pub kind: StressKind,
-    /// By how much, in the unit of the kind.
-    pub level: f64,
+impl Kinds for Kind {
+    const WORD: &'static str = "stress";
+    const ROWS: &'static [Row<Kind>] = &[
+        (Kind::None, "none", 0.0, [0.0, 0.0], ""),
+        (Kind::Noise, "noise", 10.0, [0.0, 100.0], "standard deviation, of 255"),
+        (Kind::Checker, "checker", 6.0, [1.0, 50.0], "period, pixels of a typical view"),
+        (Kind::Wires, "wires", 1.0, [0.1, 20.0], "thickness, pixels of a typical view"),
+        (Kind::Views, "views", 9.0, [1.0, 1000.0], "training photos"),
+        (Kind::Mirror, "mirror", 0.0, [0.0, 0.0], ""),
+        (Kind::Exposure, "exposure", 0.5, [0.0, 3.0], "largest change, stops"),
+        (Kind::PoseNoise, "pose-noise", 0.3, [0.0, 20.0], "standard deviation, degrees"),
+        (Kind::WrongPoses, "wrong-poses", 0.05, [0.0, 0.5], "share of the training photos"),
+        (Kind::Offset, "offset", 1e6, [0.0, 1e9], "metres"),
+        (Kind::Scale, "scale", 1e-3, [1e-9, 1e9], "factor"),
+        (Kind::Turn, "turn", 37.0, [-180.0, 180.0], "degrees"),
+        (Kind::Outliers, "outliers", 0.3, [0.0, 1.0], "share of the points"),
+        (Kind::Duplicates, "duplicates", 0.3, [0.0, 1.0], "share of the points"),
+        (Kind::CameraPoints, "camera-points", 10.0, [0.0, 1000.0], "points"),
+        (Kind::Distance, "distance", 3.0, [0.3, 10.0], "factor"),
+        (Kind::Resolution, "resolution", 2.0, [0.1, 8.0], "factor"),
+        (Kind::Sizes, "sizes", 0.0, [0.0, 0.0], ""),
+        (Kind::SizesPadded, "sizes-padded", 0.0, [0.0, 0.0], ""),
+        (Kind::OffCentre, "off-centre", 0.2, [0.0, 0.45], "share of the width"),
+        (Kind::OffCentrePadded, "off-centre-padded", 0.2, [0.0, 0.45], "share of the width"),
+        (Kind::Anisotropic, "anisotropic", 1.25, [0.5, 2.0], "width of the image per width of the view"),
+        (Kind::Coincident, "coincident", 0.0, [0.0, 0.0], ""),
+        (Kind::Parallel, "parallel", 0.0, [0.0, 0.0], ""),
+        (Kind::Grazing, "grazing", 2.0, [0.5, 10.0], "elevation, degrees"),
+        (Kind::Sky, "sky", 0.0, [0.0, 0.0], ""),
+        (Kind::Walker, "walker", 0.0, [0.0, 0.0], ""),
+        (Kind::Cards, "cards", 120.0, [2.0, 1000.0], "frames of the video"),
+    ];
 }
 
-impl Stress {
-    /// A kind at its default level.
-    pub fn of(kind: StressKind) -> Self {
-        Self { kind, level: row(kind).2 }
-    }
-
-    /// All kinds at their default levels.
-    pub fn all() -> impl Iterator<Item = Self> {
-        ROWS.iter().map(|row| Self { kind: row.0, level: row.2 })
-    }
-
-    /// The level if it is of this kind.
-    pub(super) fn level_of(&self, kind: StressKind) -> Option<f64> {
-        (self.kind == kind).then_some(self.level)
-    }
-
-    /// Names, levels and defaults, for the help.
-    pub fn help() -> String {
-        levels::help(&ROWS)
-    }
-}
-
-fn row(kind: StressKind) -> &'static Row<Kind> {
-    ROWS.iter().find(|row| row.0 == kind).unwrap_or(&ROWS[0])
-}
-
-impl FromStr for Stress {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        levels::parse(&ROWS, "stress", text).map(|(kind, level)| Self { kind, level })
-    }
-}
-
-impl fmt::Display for Stress {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        levels::print(row(self.kind), self.level, f)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_and_levels_are_parsed_and_printed() {
-        for stress in Stress::all() {
-            assert_eq!(stress.to_string().parse(), Ok(stress));
-        }
-        assert_eq!("noise:20".parse(), Ok(Stress { kind: Kind::Noise, level: 20.0 }));
-        assert_eq!("noise".parse(), Ok(Stress::of(Kind::Noise)));
-        for (wrong, part) in [
-            ("fog", "no such stress; there are none, noise[:10] (standard deviation, of 255), checker"),
-            ("noise:-1", "expected a level of 0 to 100"),
-            ("noise:nan", "expected a level"),
-            ("mirror:1", "mirror has no levels"),
-        ] {
-            let error = wrong.parse::<Stress>().unwrap_err();
-            assert!(error.contains(part), "{error}");
-        }
-    }
-}
+/// What is changed, and by how much.
+pub type Stress = Leveled<StressKind>;

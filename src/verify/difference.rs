@@ -110,16 +110,7 @@ mod tests {
 
     #[test]
     fn views_are_spread_evenly() {
-        let view = |i: usize| AssetCamera {
-            name: i.to_string(),
-            held_out: false,
-            width_px: 1,
-            height_px: 1,
-            focal_px: [1.0; 2],
-            principal_px: [0.5; 2],
-            rotation_rows: [[0.0; 3]; 3],
-            translation: [0.0; 3],
-        };
+        let view = |i: usize| AssetCamera { name: i.to_string(), ..AssetCamera::default() };
         let views: Vec<AssetCamera> = (0..10).map(view).collect();
         let names = |most| evenly_spread(&views, most).into_iter().map(|v| v.name).collect::<Vec<_>>();
         assert_eq!(names(3), ["0", "3", "6"]);

@@ -24,8 +24,7 @@ pub const CAMERAS_KEY: &str = "cameras";
 /// # Errors
 /// [`Error::Usage`] if they have no form in JSON, which does not happen.
 pub fn cameras_json(views: &dyn ViewSource) -> Result<String> {
-    serde_json::to_string(&asset_cameras(views))
-        .map_err(|e| Error::Usage(format!("the cameras cannot be written: {e}")))
+    serde_json::to_string(&asset_cameras(views)).map_err(|e| usage!("the cameras cannot be written: {e}"))
 }
 
 /// The cameras that a checkpoint carries.
@@ -38,11 +37,8 @@ pub fn cameras_from_strings(path: &Path, strings: &BTreeMap<String, String>) -> 
 
 /// An entry of a checkpoint's strings, read from JSON.
 fn entry<T: DeserializeOwned>(path: &Path, strings: &BTreeMap<String, String>, key: &str) -> Result<T> {
-    let text = strings
-        .get(key)
-        .ok_or_else(|| Error::invalid(path, format!("the checkpoint lacks the entry {key:?}")))?;
-    serde_json::from_str(text)
-        .map_err(|e| Error::invalid(path, format!("entry {key:?} of the checkpoint: {e}")))
+    let text = strings.get(key).ok_or_else(|| invalid!(path, "the checkpoint lacks the entry {key:?}"))?;
+    serde_json::from_str(text).map_err(|e| invalid!(path, "entry {key:?} of the checkpoint: {e}"))
 }
 
 /// The views and the frame of a capture as a run saw them.
@@ -82,8 +78,7 @@ impl CaptureIdentity {
     /// # Errors
     /// [`Error::Usage`] if it has no form in JSON, which does not happen.
     pub fn to_json(&self) -> Result<String> {
-        serde_json::to_string(self)
-            .map_err(|e| Error::Usage(format!("the names of the views cannot be written: {e}")))
+        serde_json::to_string(self).map_err(|e| usage!("the names of the views cannot be written: {e}"))
     }
 
     /// The identity that a checkpoint carries.
@@ -103,9 +98,9 @@ impl CaptureIdentity {
             [(&self.train, &now.train, "a training view"), (&self.test, &now.test, "a test view")]
         {
             if let Some(what) = first_difference(before, now, role) {
-                return Err(Error::Usage(format!(
+                return Err(usage!(
                     "the run cannot be continued: {what}; start a new run, or restore the capture and its split"
-                )));
+                ));
             }
         }
         if self.capture_from_local != now.capture_from_local {
@@ -141,11 +136,11 @@ impl CaptureIdentity {
         let trained: BTreeSet<&String> = self.train.iter().collect();
         match now.test.iter().find(|name| trained.contains(name)) {
             None => Ok(()),
-            Some(name) => Err(Error::Usage(format!(
+            Some(name) => Err(usage!(
                 "test view {} was a training view of the run, so its figures would be meaningless; restore the capture \
                  and its split",
                 quoted(name)
-            ))),
+            )),
         }
     }
 }

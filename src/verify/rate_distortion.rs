@@ -11,7 +11,7 @@ use super::sensitivity::sensitivities;
 use crate::backend::{Backend, RenderedImage};
 use crate::eval::psnr_from_mse;
 use crate::text::format_bytes;
-use crate::{Error, Report, Result};
+use crate::{Report, Result};
 use litetex_exporters::ltgs::{
     LtgsOptions, PerSplat, Sensitivities, Steps, encode, oriented, quantised, rounded,
 };
@@ -137,7 +137,7 @@ impl<'a> Scaled<'a> {
 /// Finds the coarsest rounding that reaches the goal, or for a bounded size the finest.
 ///
 /// # Errors
-/// [`Error::Usage`] if no steps are fine or coarse enough, what a device reports, or [`Error::Interrupted`].
+/// [`crate::Error::Usage`] if no steps are fine or coarse enough, what a device reports, or [`crate::Error::Interrupted`].
 pub fn find_rounding(
     scene: &BakedScene,
     goal: &RateGoal,
@@ -177,9 +177,7 @@ pub fn find_rounding(
     let limits = goal.own_limits().unwrap_or(QualityLimits::of(goal.quality));
     let factor = search.coarsest_within(&limits)?.ok_or_else(|| {
         let most = limits.max_loss_db.unwrap_or_default();
-        Error::Usage(format!(
-            "even the finest quantisation loses more than {most} dB; use --quality lossless"
-        ))
+        usage!("even the finest quantisation loses more than {most} dB; use --quality lossless")
     })?;
     let (factor, adapted) = match goal.passes {
         0 => (factor, None),
@@ -196,9 +194,7 @@ pub fn find_rounding(
 fn lossless(goal: &RateGoal) -> Result<Rounding> {
     let contradicted = goal.max_bytes.map(|_| "--max-size").or(goal.max_loss_db.map(|_| "--max-loss"));
     match contradicted {
-        Some(flag) => {
-            Err(Error::Usage(format!("--quality lossless has one size and loses nothing; leave {flag} out")))
-        }
+        Some(flag) => Err(usage!("--quality lossless has one size and loses nothing; leave {flag} out")),
         None => Ok(Rounding::plain(Quality::Lossless)),
     }
 }
@@ -213,10 +209,10 @@ fn unmeasured(scene: &BakedScene, goal: &RateGoal, report: &mut Report) -> Resul
             scaled.steps(factor_of_size(asset, Quality::Custom, scaled, most)?)
         }
         (None, Some(_)) => {
-            return Err(Error::Usage(format!(
+            return Err(usage!(
                 "{}: --max-loss is measured by rendering, and the scene has no cameras; use --max-size",
                 scene.path.display()
-            )));
+            ));
         }
         (None, None) => {
             let what = "the scene has no training cameras, so no loss was measured; the file is of quality \"custom\"";
@@ -240,12 +236,12 @@ fn factor_of_size(asset: &SplatAsset, quality: Quality, scaled: Scaled<'_>, most
     let factor = factor.map_or(FACTOR_LOG2[0], |f| f + resolution());
     let bytes = size(factor)?;
     if bytes > most {
-        return Err(Error::Usage(format!(
+        return Err(usage!(
             "--max-size {}: the coarsest file has {}; leave splats out with --crop or --min-contribution, or train \
              a smaller scene with --budget-params",
             format_bytes(most),
             format_bytes(bytes)
-        )));
+        ));
     }
     Ok(factor)
 }

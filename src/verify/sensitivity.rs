@@ -128,13 +128,12 @@ pub(super) mod tests {
     pub fn camera() -> AssetCamera {
         AssetCamera {
             name: "a".to_owned(),
-            held_out: false,
             width_px: 64,
             height_px: 48,
             focal_px: [60.0; 2],
             principal_px: [32.0, 24.0],
             rotation_rows: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
-            translation: [0.0; 3],
+            ..AssetCamera::default()
         }
     }
 

@@ -188,16 +188,17 @@ fn psnr_on_photos(
         let name = quoted(&view.name);
         let index = (0..photos.num_views()).find(|&v| photos.name(v) == view.name);
         let index = index.ok_or_else(|| {
-            Error::Usage(format!(
-                "the capture has no photo {name}: it is not the one that the scene was trained on"
-            ))
+            usage!("the capture has no photo {name}: it is not the one that the scene was trained on")
         })?;
         let photo = photos.target(index)?;
         if [photo.width_px, photo.height_px] != [view.width_px, view.height_px] {
-            return Err(Error::Usage(format!(
+            return Err(usage!(
                 "{name}: the photo has {} x {} pixels here and had {} x {} in training; use the same --max-resolution",
-                photo.width_px, photo.height_px, view.width_px, view.height_px
-            )));
+                photo.width_px,
+                photo.height_px,
+                view.width_px,
+                view.height_px
+            ));
         }
         psnrs[usize::from(view.held_out)].push(quality_of(&view.name, &image.rgb, &photo).psnr);
     }

@@ -53,8 +53,7 @@ impl SplatAsset {
         }
         match self.sh_degrees.iter().max() {
             Some(&most) if u32::from(most) != self.sh_degree => {
-                let what = format!("SH of degree {}, but no splat has more than {most}", self.sh_degree);
-                Err(Error::invalid("", what))
+                Err(invalid!("", "SH of degree {}, but no splat has more than {most}", self.sh_degree))
             }
             _ => Ok(()),
         }

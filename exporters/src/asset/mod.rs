@@ -295,6 +295,18 @@ pub(crate) mod tests {
         }
     }
 
+    /// A camera of 100 x 100 pixels at the origin that looks along z.
+    pub(crate) fn front(focal_px: f64) -> AssetCamera {
+        AssetCamera {
+            width_px: 100,
+            height_px: 100,
+            focal_px: [focal_px; 2],
+            principal_px: [50.0; 2],
+            rotation_rows: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+            ..AssetCamera::default()
+        }
+    }
+
     /// A small pseudo-random asset with maps of several shapes, some splats without, and SH of several degrees.
     pub(crate) fn fixture(num_splats: usize, sh_degree: u32) -> SplatAsset {
         let mut state = 7_u32;

@@ -137,20 +137,11 @@ fn rounded(number: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::asset::tests::fixture;
+    use crate::asset::tests::{fixture, front};
 
     /// A camera at `(x, 0, -distance)` that looks along z.
     fn camera(x: f64, distance: f64, held_out: bool) -> AssetCamera {
-        AssetCamera {
-            held_out,
-            width_px: 100,
-            height_px: 100,
-            focal_px: [100.0; 2],
-            principal_px: [50.0; 2],
-            rotation_rows: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
-            translation: [-x, 0.0, distance],
-            ..AssetCamera::default()
-        }
+        AssetCamera { held_out, translation: [-x, 0.0, distance], ..front(100.0) }
     }
 
     /// A grid of 11^3 splats in [-1, 1]^3, a backdrop behind it and a floater before the cameras.

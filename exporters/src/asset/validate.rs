@@ -20,7 +20,7 @@ impl SplatAsset {
         let invalid = |what: String| Err(Error::invalid("", what));
         let n = self.num_splats();
         if n > SPLATS_MAX {
-            return Err(Error::too_large("", format!("{n} splats, at most {SPLATS_MAX}")));
+            return Err(too_large!("", "{n} splats, at most {SPLATS_MAX}"));
         }
         if self.sh_degree > SH_DEGREE_MAX {
             return invalid(format!("SH degree {}, at most {SH_DEGREE_MAX}", self.sh_degree));
@@ -57,7 +57,7 @@ impl SplatAsset {
     }
 
     fn validate_splat(&self, splat: usize) -> Result<()> {
-        let offence = |what: String| Err(Error::invalid("", format!("splat {splat}: {what}")));
+        let offence = |what: String| Err(invalid!("", "splat {splat}: {what}"));
         let finite = |values: &[f32]| values.iter().all(|v| v.is_finite());
         let position = self.positions[splat];
         if !finite(&position) {
@@ -85,7 +85,7 @@ impl SplatAsset {
     fn validate_maps(&self) -> Result<()> {
         let mut next = 0_usize;
         for (splat, map) in self.maps.iter().enumerate() {
-            let offence = |what: String| Err(Error::invalid("", format!("map of splat {splat}: {what}")));
+            let offence = |what: String| Err(invalid!("", "map of splat {splat}: {what}"));
             if map.rows > MAP_SIDE_MAX || map.cols > MAP_SIDE_MAX {
                 let what = format!(
                     "map of splat {splat}: {} x {} texels, at most {MAP_SIDE_MAX} a side",
@@ -107,18 +107,13 @@ impl SplatAsset {
             next += map.num_texels();
         }
         if next > u32::MAX as usize {
-            return Err(Error::too_large("", format!("{next} texels, at most {}", u32::MAX)));
+            return Err(too_large!("", "{next} texels, at most {}", u32::MAX));
         }
         if self.texels.len() != 3 * next {
-            return Err(Error::invalid(
-                "",
-                format!("{} texel values, the maps need {}", self.texels.len(), 3 * next),
-            ));
+            return Err(invalid!("", "{} texel values, the maps need {}", self.texels.len(), 3 * next));
         }
         match self.texels.iter().position(|t| !(-1.0..=1.0).contains(t)) {
-            Some(at) => {
-                Err(Error::invalid("", format!("texel {}: {} is not in [-1, 1]", at / 3, self.texels[at])))
-            }
+            Some(at) => Err(invalid!("", "texel {}: {} is not in [-1, 1]", at / 3, self.texels[at])),
             None => Ok(()),
         }
     }
@@ -132,8 +127,7 @@ impl SplatAsset {
                 .chain(camera.rotation_rows.as_flattened())
                 .chain(&camera.translation);
             if !numbers.into_iter().all(|v| v.is_finite()) {
-                let what = format!("camera {}: numbers that are not finite", quoted(&camera.name));
-                return Err(Error::invalid("", what));
+                return Err(invalid!("", "camera {}: numbers that are not finite", quoted(&camera.name)));
             }
         }
         Ok(())

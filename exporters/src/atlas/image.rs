@@ -1,14 +1,14 @@
 //! Writes pages as images: 8-bit PNG and f32 EXR. They hold data, not colours: no gamma, no profile.
 
-use crate::{Error, Result};
+use crate::Result;
 use std::io::Cursor;
 
 /// An 8-bit RGB image as PNG, without any colour information.
 ///
 /// # Errors
-/// [`Error::Invalid`] if the sizes do not fit each other.
+/// [`crate::Error::Invalid`] if the sizes do not fit each other.
 pub fn encode_png([width, height]: [u16; 2], rgb: &[u8]) -> Result<Vec<u8>> {
-    let failed = |e: png::EncodingError| Error::invalid("", format!("PNG page: {e}"));
+    let failed = |e: png::EncodingError| invalid!("", "PNG page: {e}");
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, width.into(), height.into());
     encoder.set_color(png::ColorType::Rgb);
@@ -23,12 +23,12 @@ pub fn encode_png([width, height]: [u16; 2], rgb: &[u8]) -> Result<Vec<u8>> {
 /// An RGB image of f32 as EXR: every bit is kept.
 ///
 /// # Errors
-/// [`Error::Invalid`] if the sizes do not fit each other.
+/// [`crate::Error::Invalid`] if the sizes do not fit each other.
 pub fn encode_exr([width, height]: [u16; 2], rgb: &[f32]) -> Result<Vec<u8>> {
     use exr::prelude::{Encoding, Image, SpecificChannels, WritableImage};
     let (w, h) = (usize::from(width), usize::from(height));
     if rgb.len() != 3 * w * h {
-        return Err(Error::invalid("", format!("EXR page: {} numbers for {w} x {h} texels", rgb.len())));
+        return Err(invalid!("", "EXR page: {} numbers for {w} x {h} texels", rgb.len()));
     }
     let pixel = |at: exr::math::Vec2<usize>| {
         let i = 3 * (at.1 * w + at.0);
@@ -42,7 +42,7 @@ pub fn encode_exr([width, height]: [u16; 2], rgb: &[f32]) -> Result<Vec<u8>> {
         SpecificChannels::rgb(pixel),
     );
     let written = Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes);
-    written.map_err(|e| Error::invalid("", format!("EXR page: {e}")))?;
+    written.map_err(|e| invalid!("", "EXR page: {e}"))?;
     Ok(bytes.into_inner())
 }
 

@@ -44,7 +44,7 @@ impl Atlas {
         let sizes: Vec<[u16; 2]> = asset.maps.iter().map(|m| [m.cols, m.rows]).collect();
         let (placements, pages) = pack(&sizes, side).ok_or_else(|| {
             let most = asset.maps.iter().map(|m| m.rows.max(m.cols)).max().unwrap_or(0);
-            Error::too_large("", format!("atlas: maps of up to {most} texels per side on pages of {side}"))
+            too_large!("", "atlas: maps of up to {most} texels per side on pages of {side}")
         })?;
         Ok(Self { placements, pages })
     }
@@ -100,15 +100,11 @@ impl Atlas {
         let used: u64 = maps.iter().map(|m| m.num_texels() as u64).sum();
         let paper: u64 = self.pages.iter().map(|p| u64::from(p[0]) * u64::from(p[1])).sum();
         if used > paper {
-            return Err(Error::invalid(
-                "",
-                format!("maps of {used} texels on pages of {paper}: they overlap"),
-            ));
+            return Err(invalid!("", "maps of {used} texels on pages of {paper}: they overlap"));
         }
         let most = used * PAPER_MAX + SPARE_TEXELS;
         if paper > most {
-            let what = format!("pages of {paper} texels for maps of {used}, at most {most}");
-            return Err(Error::too_large("", what));
+            return Err(too_large!("", "pages of {paper} texels for maps of {used}, at most {most}"));
         }
         Ok(())
     }

@@ -99,7 +99,7 @@ impl PageRows<'_> {
         texels: Texels<'_>,
         path: &Path,
     ) -> Result<()> {
-        let failed = |e: png::DecodingError| Error::invalid(path, format!("PNG: {e}"));
+        let failed = |e: png::DecodingError| invalid!(path, "PNG: {e}");
         let mut decoder = png::Decoder::new(Cursor::new(bytes));
         decoder.set_transformations(png::Transformations::IDENTITY);
         decoder.set_limits(png::Limits { bytes: 1 << 20 });
@@ -113,7 +113,7 @@ impl PageRows<'_> {
         }
         for y in 0..usize::from(size[1]) {
             let row = reader.next_row().map_err(failed)?;
-            let row = row.ok_or_else(|| Error::invalid(path, format!("PNG: row {y} is missing")))?;
+            let row = row.ok_or_else(|| invalid!(path, "PNG: row {y} is missing"))?;
             for (columns, texel) in self.at(y) {
                 let codes = &row.data()[3 * columns.start..3 * columns.end];
                 for (texel, code) in texels[3 * texel..].iter_mut().zip(codes) {
@@ -137,7 +137,7 @@ impl PageRows<'_> {
     ) -> Result<()> {
         use exr::block::UncompressedBlock;
         use exr::block::reader::ChunksReader as _;
-        let failed = |e: exr::error::Error| Error::invalid(path, format!("EXR: {e}"));
+        let failed = |e: exr::error::Error| invalid!(path, "EXR: {e}");
         let reader = exr::block::read(Cursor::new(bytes), false).map_err(failed)?;
         check_exr(reader.headers(), size.map(usize::from)).map_err(|what| Error::invalid(path, what))?;
         let channels = reader.headers()[0].channels.clone();

@@ -66,7 +66,7 @@ fn seen(camera: &AssetCamera, point: [f32; 3]) -> (f64, bool) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::asset::tests::fixture;
+    use crate::asset::tests::{fixture, front};
 
     #[test]
     fn quads_are_turned_to_the_cameras() {
@@ -91,15 +91,7 @@ mod tests {
         let mut order = [0, 1, 2, 3];
         far_to_near(&asset, &mut order);
         assert_eq!(order, [0, 1, 2, 3], "no cameras");
-        let identity = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-        let front = AssetCamera {
-            width_px: 100,
-            height_px: 100,
-            focal_px: [50.0; 2],
-            principal_px: [50.0; 2],
-            rotation_rows: identity,
-            ..AssetCamera::default()
-        };
+        let front = front(50.0);
         asset.cameras = vec![front.clone()];
         far_to_near(&asset, &mut order);
         assert_eq!(order, [1, 2, 0, 3], "5, 3 and 2 in front, 1 behind");

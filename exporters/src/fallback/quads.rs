@@ -4,7 +4,7 @@
 use crate::atlas::{self, Placement};
 use crate::math::sh::SH_0;
 use crate::math::{quaternion, yup};
-use crate::{AssetMap, Error, Result, SplatAsset};
+use crate::{AssetMap, Result, SplatAsset};
 
 /// Most rectangles by default: programs that sort them take time for each.
 pub(crate) const QUADS_MAX: usize = 50_000;
@@ -66,17 +66,14 @@ impl Quads {
     /// texels per side.
     ///
     /// # Errors
-    /// [`Error::TooLarge`] if pages are too small for any map.
+    /// [`crate::Error::TooLarge`] if pages are too small for any map.
     pub(crate) fn of(asset: &SplatAsset, most: usize, side: u16) -> Result<Self> {
         let rectangles: Vec<Rectangle> =
             chosen(asset, most).into_iter().map(|i| extent(asset, i, side)).collect();
         let sizes: Vec<[u16; 2]> = rectangles.iter().map(|r| r.size).collect();
         let num_texels = sizes.iter().map(|s| usize::from(s[0]) * usize::from(s[1])).sum();
         let (placements, pages) = atlas::pack(&sizes, side).ok_or_else(|| {
-            Error::too_large(
-                "",
-                format!("rectangles: {SIDE_MIN} texels per side and more, on pages of {side}"),
-            )
+            too_large!("", "rectangles: {SIDE_MIN} texels per side and more, on pages of {side}")
         })?;
         let blank = |size: [u16; 2]| vec![0; 4 * usize::from(size[0]) * usize::from(size[1])];
         let pages = pages.into_iter().map(|size| QuadPage { size, rgba: blank(size) }).collect();
@@ -207,9 +204,9 @@ fn quad(asset: &SplatAsset, rectangle: &Rectangle, at: &Placement, page: [u16; 2
 /// A page as PNG with alpha, colours as sRGB.
 ///
 /// # Errors
-/// [`Error::Invalid`] if the sizes do not fit each other.
+/// [`crate::Error::Invalid`] if the sizes do not fit each other.
 pub(crate) fn encode_page(page: &QuadPage) -> Result<Vec<u8>> {
-    let failed = |e: png::EncodingError| Error::invalid("", format!("PNG page: {e}"));
+    let failed = |e: png::EncodingError| invalid!("", "PNG page: {e}");
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, page.size[0].into(), page.size[1].into());
     encoder.set_color(png::ColorType::Rgba);

@@ -58,10 +58,7 @@ impl ReadLimits {
             return Ok(());
         }
         let most = self.decoded_bytes;
-        Err(Error::too_large(
-            path,
-            format!("{what}: {bytes} bytes to decode, at most {most} are allowed for this file"),
-        ))
+        Err(too_large!(path, "{what}: {bytes} bytes to decode, at most {most} are allowed for this file"))
     }
 }
 
@@ -102,7 +99,7 @@ pub(crate) fn room_for_splats(count: usize, sh_degree: u32) -> Result<SplatAsset
 
 fn no_memory<T>(count: usize) -> Error {
     let bytes = count.saturating_mul(size_of::<T>());
-    Error::too_large("", format!("{bytes} bytes are needed at once, more than the system provides"))
+    too_large!("", "{bytes} bytes are needed at once, more than the system provides")
 }
 
 #[cfg(test)]

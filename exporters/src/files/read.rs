@@ -11,7 +11,7 @@ use std::path::Path;
 /// [`Error::Io`], also for folders, pipes and devices, which may be endless; [`Error::TooLarge`].
 pub fn read_file(path: &Path, bytes_max: u64) -> Result<Vec<u8>> {
     let size = regular_file_bytes(path)?;
-    let too_large = |why: &str| Err(Error::too_large(path, format!("a file of {size} bytes, {why}")));
+    let too_large = |why: &str| Err(too_large!(path, "a file of {size} bytes, {why}"));
     if size > bytes_max {
         return too_large(&format!("at most {bytes_max} are read"));
     }

@@ -155,5 +155,5 @@ pub fn unknown_kind(path: &Path, expected: &str) -> Error {
         Some(extension) => format!("{} file", quoted(&format!(".{}", extension.to_string_lossy()))),
         None => "file without an extension".to_owned(),
     };
-    Error::unsupported(path, format!("a {found} cannot be used here; expected {expected}"))
+    unsupported!(path, "a {found} cannot be used here; expected {expected}")
 }

@@ -26,9 +26,7 @@ pub fn glb(mut json: Vec<u8>, mut bin: Vec<u8>) -> Result<Vec<u8>> {
     json.resize(json.len().next_multiple_of(4), b' ');
     bin.resize(bin.len().next_multiple_of(4), 0);
     let total = HEADER_BYTES + 2 * CHUNK_HEADER_BYTES + json.len() + bin.len();
-    let too_large = || {
-        Error::too_large("", format!("{total} bytes, but a .glb holds at most {}: write a .gltf", u32::MAX))
-    };
+    let too_large = || too_large!("", "{total} bytes, but a .glb holds at most {}: write a .gltf", u32::MAX);
     let length = u32::try_from(total).map_err(|_| too_large())?;
     let mut head = Vec::with_capacity(total - bin.len());
     head.extend(MAGIC);
@@ -60,17 +58,16 @@ pub struct Parts<'a> {
 pub fn parts<'a>(bytes: &'a [u8], path: &Path) -> Result<Parts<'a>> {
     let parts = if is_glb(bytes) { glb_parts(bytes, path)? } else { Parts { json: bytes, bin: None } };
     if parts.json.len() > JSON_BYTES_MAX {
-        let what = format!("{} bytes of JSON, at most {JSON_BYTES_MAX}", parts.json.len());
-        return Err(Error::too_large(path, what));
+        return Err(too_large!(path, "{} bytes of JSON, at most {JSON_BYTES_MAX}", parts.json.len()));
     }
     Ok(parts)
 }
 
 fn glb_parts<'a>(bytes: &'a [u8], path: &Path) -> Result<Parts<'a>> {
-    let cut = |what: &str| Error::invalid(path, format!("{what}: the file is truncated or damaged"));
+    let cut = |what: &str| invalid!(path, "{what}: the file is truncated or damaged");
     let version = u32_at(bytes, 4).ok_or_else(|| cut("no GLB header"))?;
     if version != VERSION {
-        return Err(Error::unsupported(path, format!("GLB of version {version}, supported: {VERSION}")));
+        return Err(unsupported!(path, "GLB of version {version}, supported: {VERSION}"));
     }
     let length = u32_at(bytes, 8).ok_or_else(|| cut("no GLB header"))? as usize;
     if length != bytes.len() {

@@ -1,5 +1,5 @@
 //! The JSON of a glTF file, as far as it is written or read here; the rest is ignored. Names are those of the
-//! specification.
+//! specification. What is `None` is left out when a document is written (`write::json`).
 
 use super::extension::{Digest, Splatting};
 use serde::{Deserialize, Serialize};
@@ -24,7 +24,6 @@ pub struct Document {
     pub extensions_used: Vec<String>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub extensions_required: Vec<String>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub scene: Option<u32>,
     pub scenes: Vec<Scene>,
     pub nodes: Vec<Node>,
@@ -49,18 +48,14 @@ pub struct Document {
 #[serde(rename_all = "camelCase", default)]
 pub struct AssetInfo {
     pub version: String,
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub min_version: Option<String>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub generator: Option<String>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub copyright: Option<String>,
 }
 
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Scene {
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
     pub nodes: Vec<u32>,
 }
@@ -68,30 +63,22 @@ pub struct Scene {
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Node {
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub mesh: Option<u32>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub camera: Option<u32>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub children: Vec<u32>,
     /// Column by column.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub matrix: Option<[f64; 16]>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub translation: Option<[f64; 3]>,
     /// Quaternion xyzw.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub rotation: Option<[f64; 4]>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub scale: Option<[f64; 3]>,
 }
 
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Mesh {
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
     pub primitives: Vec<Primitive>,
 }
@@ -100,15 +87,10 @@ pub struct Mesh {
 #[serde(default)]
 pub struct Primitive {
     pub attributes: BTreeMap<String, u32>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub indices: Option<u32>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub material: Option<u32>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub mode: Option<u32>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub extensions: Option<PrimitiveExtensions>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub extras: Option<Value>,
 }
 
@@ -122,36 +104,29 @@ impl Primitive {
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct PrimitiveExtensions {
-    #[serde(rename = "KHR_gaussian_splatting", skip_serializing_if = "Option::is_none")]
+    #[serde(rename = "KHR_gaussian_splatting")]
     pub splatting: Option<Splatting>,
 }
 
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Texture {
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub sampler: Option<u32>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub source: Option<u32>,
 }
 
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase", default)]
 pub struct Image {
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub uri: Option<String>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub buffer_view: Option<u32>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub mime_type: Option<String>,
 }
 
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase", default)]
 pub struct Accessor {
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub buffer_view: Option<u32>,
     #[serde(skip_serializing_if = "is_zero")]
     pub byte_offset: u64,
@@ -161,9 +136,7 @@ pub struct Accessor {
     pub count: u64,
     #[serde(rename = "type")]
     pub shape: String,
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub min: Option<Vec<f64>>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub max: Option<Vec<f64>>,
     #[serde(skip_serializing)]
     pub sparse: Option<serde::de::IgnoredAny>,
@@ -176,9 +149,7 @@ pub struct BufferView {
     #[serde(skip_serializing_if = "is_zero")]
     pub byte_offset: u64,
     pub byte_length: u64,
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub byte_stride: Option<u64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub target: Option<u32>,
 }
 
@@ -186,7 +157,6 @@ pub struct BufferView {
 #[serde(rename_all = "camelCase", default)]
 pub struct Buffer {
     pub byte_length: u64,
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub uri: Option<String>,
 }
 

@@ -24,11 +24,8 @@ const DIGEST: &str = "litetex";
 pub struct Splatting {
     pub kernel: String,
     pub color_space: String,
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub projection: Option<String>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub sorting_method: Option<String>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub extensions: Option<SplattingExtensions>,
 }
 
@@ -37,12 +34,12 @@ pub struct Splatting {
 #[serde(default)]
 pub struct SplattingExtensions {
     /// Ours, parsed only after its version was checked.
-    #[serde(rename = "LITETEX_gaussian_splatting_texture", skip_serializing_if = "Option::is_none")]
+    #[serde(rename = "LITETEX_gaussian_splatting_texture")]
     pub texture: Option<Value>,
 }
 
 /// The object of our extension, version 3.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct TextureExtension {
     pub version: u32,
@@ -54,33 +51,24 @@ pub struct TextureExtension {
     #[serde(default, skip_serializing_if = "SidecarHashes::is_empty")]
     pub sidecars: SidecarHashes,
     /// Accessor of u16 VEC4 (x, y, cols, rows); absent if no splat has a map.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rects: Option<u32>,
     /// Accessor of u8 or u16 SCALAR; absent if all maps are on page 0.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pages: Option<u32>,
     /// Accessor of f32 VEC2.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub texel_size: Option<u32>,
     /// Accessor of i16 VEC2, half texels; absent if all maps are centred.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shift: Option<u32>,
     /// Accessor of u8 SCALAR; absent if all splats have the degree of the attributes.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sh_degree: Option<u32>,
     /// Accessor of f32 VEC3; absent if the attribute of degree 0 is exact.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sh0: Option<u32>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub atlas: Vec<Page>,
     /// How codes become texels, with pages of 8 bits.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub decode: Option<Decode>,
     /// A `.ltgs` file in place of all these arrays and of the metadata.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stream: Option<Stream>,
     /// There unless there is a stream.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub meta: Option<Meta>,
 }
 
@@ -91,13 +79,10 @@ pub struct Page {
     pub width: u32,
     pub height: u32,
     /// A buffer view of raw f32 RGB.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub buffer_view: Option<u32>,
     /// A core texture whose image is a PNG.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub texture: Option<u32>,
     /// An EXR file.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub uri: Option<String>,
 }
 
@@ -123,17 +108,7 @@ impl TextureExtension {
             version: VERSION,
             quality: quality.name().to_owned(),
             hash: text_from_hash(hash),
-            sidecars: SidecarHashes::default(),
-            rects: None,
-            pages: None,
-            texel_size: None,
-            shift: None,
-            sh_degree: None,
-            sh0: None,
-            atlas: Vec::new(),
-            decode: None,
-            stream: None,
-            meta: None,
+            ..Self::default()
         }
     }
 
@@ -150,9 +125,9 @@ impl TextureExtension {
                 );
                 return Err(Error::unsupported(path, what));
             }
-            None => return Err(Error::invalid(path, format!("{EXTENSION}: no whole number \"version\""))),
+            None => return Err(invalid!(path, "{EXTENSION}: no whole number \"version\"")),
         }
-        let offence = |what: String| Error::invalid(path, format!("{EXTENSION}: {what}"));
+        let offence = |what: String| invalid!(path, "{EXTENSION}: {what}");
         let found = Self::deserialize(value).map_err(|e| offence(e.to_string()))?;
         let beside = ["rects", "pages", "texelSize", "shift", "shDegree", "sh0", "atlas", "decode", "meta"]
             .into_iter()

@@ -62,7 +62,7 @@ pub fn resolve(uri: &str, path: &Path) -> Result<PathBuf> {
         let what = format!("URI {shown}: only files next to the .gltf are read, no data or network URIs");
         return Err(Error::unsupported(path, what));
     }
-    let leaves = || Error::invalid(path, format!("URI {shown} does not name a file in the .gltf's folder"));
+    let leaves = || invalid!(path, "URI {shown} does not name a file in the .gltf's folder");
     let name = name_from_uri(uri).filter(|n| !n.is_empty() && !n.contains(['\0', '\\', ':']));
     let name = PathBuf::from(name.ok_or_else(leaves)?);
     if !name.components().all(|c| matches!(c, Component::Normal(_))) {

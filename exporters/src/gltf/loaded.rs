@@ -62,8 +62,8 @@ impl<'a> Loaded<'a> {
     ) -> Result<Self> {
         let parts = container::parts(bytes, path)?;
         check_json(parts.json, path)?;
-        let document: Document = serde_json::from_slice(parts.json)
-            .map_err(|e| Error::invalid(path, format!("JSON of the file: {e}")))?;
+        let document: Document =
+            serde_json::from_slice(parts.json).map_err(|e| invalid!(path, "JSON of the file: {e}"))?;
         check_versions(&document, path)?;
         // Checked in full when the extension is parsed.
         let hashes = scene::splat_primitives(&document)
@@ -85,7 +85,7 @@ impl<'a> Loaded<'a> {
     fn load_buffers(&mut self, parts: &Parts<'a>) -> Result<()> {
         let count = self.document.buffers.len();
         if count > BUFFERS_MAX {
-            return Err(Error::too_large(self.path, format!("{count} buffers, at most {BUFFERS_MAX}")));
+            return Err(too_large!(self.path, "{count} buffers, at most {BUFFERS_MAX}"));
         }
         for i in 0..count {
             let buffer = &self.document.buffers[i];
@@ -116,8 +116,7 @@ impl<'a> Loaded<'a> {
         let taken = self.taken_bytes.get();
         let left = self.limits.of_file(self.num_bytes.get()).decoded_bytes.saturating_sub(taken);
         if bytes > left {
-            let what = format!("{what}: {bytes} bytes to decode, the limit leaves {left}");
-            return Err(Error::too_large(self.path, what));
+            return Err(too_large!(self.path, "{what}: {bytes} bytes to decode, the limit leaves {left}"));
         }
         self.taken_bytes.set(taken + bytes);
         Ok(())
@@ -155,7 +154,7 @@ impl<'a> Loaded<'a> {
     /// # Errors
     /// [`Error::Invalid`] if it does not lie in its buffer.
     pub fn view(&self, index: u32, what: &str) -> Result<(&BufferView, &[u8])> {
-        let offence = |text: String| Error::invalid(self.path, format!("{what}: {text}"));
+        let offence = |text: String| invalid!(self.path, "{what}: {text}");
         let views = &self.document.buffer_views;
         let view = views.get(index as usize);
         let view = view.ok_or_else(|| offence(format!("bufferView {index} of {}", views.len())))?;
@@ -180,16 +179,16 @@ impl<'a> Loaded<'a> {
     /// [`Error::Invalid`] if it does not lie in its view, [`Error::Unsupported`] for sparse ones.
     pub fn accessor(&self, index: u32, what: &str) -> Result<View<'_>> {
         let accessors = &self.document.accessors;
-        let accessor: &Accessor = accessors.get(index as usize).ok_or_else(|| {
-            Error::invalid(self.path, format!("{what}: accessor {index} of {}", accessors.len()))
-        })?;
+        let accessor: &Accessor = accessors
+            .get(index as usize)
+            .ok_or_else(|| invalid!(self.path, "{what}: accessor {index} of {}", accessors.len()))?;
         let Some(view) = accessor.buffer_view.filter(|_| accessor.sparse.is_none()) else {
             let text = format!("{what}: accessor {index} is sparse or without bufferView; store it in full");
             return Err(Error::unsupported(self.path, text));
         };
         let (view, bytes) = self.view(view, what)?;
         View::new(accessor, view, bytes)
-            .map_err(|text| Error::invalid(self.path, format!("{what}: accessor {index}: {text}")))
+            .map_err(|text| invalid!(self.path, "{what}: accessor {index}: {text}"))
     }
 }
 
@@ -215,13 +214,12 @@ fn check_versions(document: &Document, path: &Path) -> Result<()> {
     let wanted = info.min_version.as_ref().unwrap_or(&info.version);
     if !(wanted == "2.0" || info.min_version.is_none() && wanted.starts_with("2.")) {
         let shown = quoted(wanted);
-        return Err(Error::unsupported(path, format!("glTF of version {shown}, supported: \"2.0\"")));
+        return Err(unsupported!(path, "glTF of version {shown}, supported: \"2.0\""));
     }
     match document.extensions_required.iter().find(|e| !UNDERSTOOD.contains(&e.as_str())) {
         Some(name) => {
             let name = quoted(name);
-            let what = format!("the file requires the extension {name}, supported: {UNDERSTOOD:?}");
-            Err(Error::unsupported(path, what))
+            Err(unsupported!(path, "the file requires the extension {name}, supported: {UNDERSTOOD:?}"))
         }
         None => Ok(()),
     }

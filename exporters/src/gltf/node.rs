@@ -24,8 +24,7 @@ pub fn world_from_mesh(document: &Document, mesh: u32, path: &Path) -> Result<Op
             match parents.get_mut(child as usize) {
                 Some(parent @ None) => *parent = Some(i),
                 _ => {
-                    let what = format!("node {i}: child {child} does not exist or has two parents");
-                    return Err(Error::invalid(path, what));
+                    return Err(invalid!(path, "node {i}: child {child} does not exist or has two parents"));
                 }
             }
         }
@@ -35,17 +34,15 @@ pub fn world_from_mesh(document: &Document, mesh: u32, path: &Path) -> Result<Op
         return Ok(None);
     };
     if let Some((other, _)) = showing.next() {
-        let what = format!("nodes {at} and {other} both show the splats, supported: one node");
-        return Err(Error::unsupported(path, what));
+        return Err(unsupported!(path, "nodes {at} and {other} both show the splats, supported: one node"));
     }
-    let mut world = similarity(node).map_err(|e| Error::unsupported(path, format!("node {at}: {e}")))?;
+    let mut world = similarity(node).map_err(|e| unsupported!(path, "node {at}: {e}"))?;
     for _ in 0..nodes.len() {
         let Some(parent) = parents[at] else {
             return Ok(Some(world));
         };
         at = parent;
-        let outer =
-            similarity(&nodes[at]).map_err(|e| Error::unsupported(path, format!("node {at}: {e}")))?;
+        let outer = similarity(&nodes[at]).map_err(|e| unsupported!(path, "node {at}: {e}"))?;
         world = outer.after(&world);
     }
     Err(Error::invalid(path, "nodes that are their own ancestors"))

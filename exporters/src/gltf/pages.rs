@@ -39,7 +39,7 @@ pub fn maps(
     extension: &TextureExtension,
     num_splats: usize,
 ) -> Result<Option<(Vec<AssetMap>, Vec<Placement>)>> {
-    let offence = |what: String| Error::invalid(loaded.path, format!("{}: {what}", super::EXTENSION));
+    let offence = |what: String| invalid!(loaded.path, "{}: {what}", super::EXTENSION);
     let (rects, sizes) = match (extension.rects, extension.texel_size) {
         (None, None) if extension.shift.is_none() => return Ok(None),
         (Some(rects), Some(sizes)) => (rects, sizes),
@@ -58,8 +58,8 @@ pub fn maps(
     let mut placements = with_room(num_splats).map_err(|e| e.at(loaded.path))?;
     let mut next = 0_u64;
     for ([x, y, cols, rows], texel_sizes) in rects.rows::<4>().zip(sizes.rows::<2>()) {
-        let offset_texels = u32::try_from(next)
-            .map_err(|_| Error::too_large(loaded.path, format!("more than {} texels", u32::MAX)))?;
+        let offset_texels =
+            u32::try_from(next).map_err(|_| too_large!(loaded.path, "more than {} texels", u32::MAX))?;
         // Whole numbers below 2^16: exact.
         let shift = shift_of.next().unwrap_or_default().map(|s| s as i16);
         let map = AssetMap { offset_texels, rows: rows as u16, cols: cols as u16, texel_sizes, shift };
@@ -104,7 +104,7 @@ pub fn own_array<'a>(
 pub fn page_sizes(loaded: &Loaded<'_>, extension: &TextureExtension) -> Result<Vec<[u16; 2]>> {
     let count = extension.atlas.len();
     if count > PAGES_MAX {
-        return Err(Error::too_large(loaded.path, format!("{count} atlas pages, at most {PAGES_MAX}")));
+        return Err(too_large!(loaded.path, "{count} atlas pages, at most {PAGES_MAX}"));
     }
     let size = |(i, page): (usize, &Page)| {
         let side = |v: u32| u16::try_from(v).ok().filter(|v| (1..=PAGE_SIDE_MAX).contains(v));
@@ -195,8 +195,7 @@ fn image_bytes<'a>(loaded: &'a Loaded<'_>, texture: u32) -> Result<Cow<'a, [u8]>
     let document = &loaded.document;
     let source = document.textures.get(texture as usize).and_then(|t| t.source);
     let image = source.and_then(|s| document.images.get(s as usize));
-    let image =
-        image.ok_or_else(|| Error::invalid(loaded.path, format!("texture {texture} without an image")))?;
+    let image = image.ok_or_else(|| invalid!(loaded.path, "texture {texture} without an image"))?;
     if let Some(kind) = image.mime_type.as_ref().filter(|m| m.as_str() != MIME_PNG) {
         let what = format!("an image of type {}; residuals must be kept as PNG", quoted(kind));
         return Err(Error::unsupported(loaded.path, what));

@@ -88,8 +88,7 @@ fn ours(
     let mut asset = attributes.surfels(loaded)?;
     // Those for other viewers, too, though exact ones may replace them.
     if let Some(splat) = attributes.first_dc_not_finite() {
-        let what = format!("splat {splat}: SH of degree 0 for other viewers is not finite");
-        return Err(Error::invalid(loaded.path, what));
+        return Err(invalid!(loaded.path, "splat {splat}: SH of degree 0 for other viewers is not finite"));
     }
     if let Some(sh0) = extension.sh0 {
         read_sh0(loaded, sh0, &mut asset)?;
@@ -99,7 +98,7 @@ fn ours(
     }
     pages::read_maps(loaded, &extension, &mut asset)?;
     let hash = extension.hash().ok_or_else(|| {
-        Error::invalid(loaded.path, format!("{EXTENSION}: hash {} is not 16 digits", quoted(&extension.hash)))
+        invalid!(loaded.path, "{EXTENSION}: hash {} is not 16 digits", quoted(&extension.hash))
     })?;
     let quality = Quality::from_name(&extension.quality);
     if quality.is_none() {

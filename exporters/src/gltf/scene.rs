@@ -47,7 +47,7 @@ pub fn find<'a>(document: &'a Document, path: &Path) -> Result<Found<'a>> {
         return Err(match primitives.find_map(|p| p.digest()) {
             Some(digest) => Error::invalid(path, lost(&digest)),
             None if is_quad_mesh(document) => Error::unsupported(path, QUADS_ONLY),
-            None => Error::unsupported(path, format!("no primitive with {KHR}: not a file of splats")),
+            None => unsupported!(path, "no primitive with {KHR}: not a file of splats"),
         });
     };
     let others = all.count();

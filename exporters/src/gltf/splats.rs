@@ -56,7 +56,7 @@ fn allowed(name: &str) -> Allowed {
 /// [`Error::Invalid`] if it is missing, of another type, or does not lie in its buffer.
 pub fn attribute<'a>(loaded: &'a Loaded<'_>, primitive: &Primitive, name: &str) -> Result<View<'a>> {
     let index = primitive.attributes.get(name);
-    let index = *index.ok_or_else(|| Error::invalid(loaded.path, format!("attribute {name} is missing")))?;
+    let index = *index.ok_or_else(|| invalid!(loaded.path, "attribute {name} is missing"))?;
     let view = loaded.accessor(index, name)?;
     if !allowed(name).accepts(&view) {
         let what = format!(
@@ -144,8 +144,7 @@ impl<'a> Attributes<'a> {
         let rows = self.rotation.rows::<4>().zip(self.scale.rows::<3>()).zip(self.opacity.rows::<1>());
         for (splat, (([x, y, z, w], scales), [opacity])) in rows.enumerate() {
             let pushed = ellipsoid::push(&mut asset, [w, x, y, z], scales, opacity);
-            let is_thick =
-                pushed.map_err(|what| Error::invalid(loaded.path, format!("splat {splat}: {what}")))?;
+            let is_thick = pushed.map_err(|what| invalid!(loaded.path, "splat {splat}: {what}"))?;
             num_thick += usize::from(is_thick);
         }
         Ok((asset, num_thick))

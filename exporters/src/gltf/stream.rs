@@ -40,7 +40,7 @@ impl Stream {
         num_splats: usize,
     ) -> Result<Contents> {
         let bytes = self.bytes(loaded)?;
-        let offence = |what: String| Error::invalid(loaded.path, format!("{EXTENSION}: stream {what}"));
+        let offence = |what: String| invalid!(loaded.path, "{EXTENSION}: stream {what}");
         let reader = ltgs::Reader::open(bytes, loaded.path, &loaded.limits)?;
         if reader.num_splats() != num_splats {
             return Err(offence(format!("of {} splats, attributes of {num_splats}", reader.num_splats())));

@@ -15,6 +15,7 @@ use crate::fallback::shown_cameras::Cameras;
 use crate::files::staging::{SidecarFile, Staged};
 use crate::math::yup;
 use crate::{Error, Quality, ReadLimits, Result, SplatAsset, ltgs};
+use serde_json::Value;
 use std::path::{Path, PathBuf};
 
 /// How to write a glTF file.
@@ -86,9 +87,21 @@ pub(crate) fn encode_files(
     Ok((text, pages.chain([bin]).collect()))
 }
 
-/// Encodes a document as JSON.
+/// Encodes a document as JSON, without the properties that are `None`.
 pub fn json(document: &Document) -> Result<Vec<u8>> {
-    serde_json::to_vec(document).map_err(|e| Error::invalid("", format!("JSON: {e}")))
+    fn leave_nulls_out(value: &mut Value) {
+        match value {
+            Value::Object(properties) => {
+                properties.retain(|_, value| !value.is_null());
+                properties.values_mut().for_each(leave_nulls_out);
+            }
+            Value::Array(items) => items.iter_mut().for_each(leave_nulls_out),
+            _ => {}
+        }
+    }
+    let mut value = serde_json::to_value(document).map_err(|e| invalid!("", "JSON: {e}"))?;
+    leave_nulls_out(&mut value);
+    serde_json::to_vec(&value).map_err(|e| invalid!("", "JSON: {e}"))
 }
 
 /// The parts of a file, without container.
@@ -155,8 +168,7 @@ fn points(
     extension: TextureExtension,
 ) -> Result<Primitive> {
     let digest = Digest::of(asset, extension.hash.clone());
-    let extension =
-        serde_json::to_value(extension).map_err(|e| Error::invalid("", format!("{EXTENSION}: {e}")))?;
+    let extension = serde_json::to_value(extension).map_err(|e| invalid!("", "{EXTENSION}: {e}"))?;
     let splatting = Some(Splatting::new(asset.colour_space, extension));
     Ok(Primitive {
         attributes,

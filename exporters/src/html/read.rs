@@ -3,14 +3,14 @@
 use super::tags::tags;
 use super::{ASSET_ID, ASSET_TYPE};
 use crate::files::read::read_file;
-use crate::{Contents, Describes, Error, Issue, ReadLimits, Result, Section, Severity, ltgs};
+use crate::{Contents, Describes, Issue, ReadLimits, Result, Section, Severity, ltgs};
 use base64::prelude::{BASE64_STANDARD, Engine as _};
 use std::path::Path;
 
 /// Reads the scene of a page.
 ///
 /// # Errors
-/// [`Error::Io`], [`Error::TooLarge`], [`Error::Invalid`] for a page that is no exported scene or holds more than one, and
+/// [`crate::Error::Io`], [`crate::Error::TooLarge`], [`crate::Error::Invalid`] for a page that is no exported scene or holds more than one, and
 /// those of [`ltgs::decode`].
 pub fn read_html(path: &Path, limits: &ReadLimits) -> Result<Contents> {
     let html = read_file(path, limits.decoded_bytes)?;
@@ -27,18 +27,16 @@ pub fn read_html(path: &Path, limits: &ReadLimits) -> Result<Contents> {
 /// The bytes of the `.ltgs` file in a page; `path` is only for messages.
 ///
 /// # Errors
-/// [`Error::Invalid`] if there is none, more than one, or if it is not base64.
+/// [`crate::Error::Invalid`] if there is none, more than one, or if it is not base64.
 pub fn embedded(html: &[u8], path: &Path) -> Result<Vec<u8>> {
     let mut found = tags(html).filter(|tag| tag.attribute("id") == Some(ASSET_ID.as_bytes()));
     let Some(tag) = found.next() else {
-        return Err(Error::invalid(
+        return Err(invalid!(
             path,
-            format!(
-                "not an exported scene: no element has the id {ASSET_ID:?}; expected a page written by \"litetex export\""
-            ),
+            "not an exported scene: no element has the id {ASSET_ID:?}; expected a page written by \"litetex export\""
         ));
     };
-    let invalid = |what: &str| Err(Error::invalid(path, format!("element #{ASSET_ID}: {what}")));
+    let invalid = |what: &str| Err(invalid!(path, "element #{ASSET_ID}: {what}"));
     if !tag.is("script") || tag.attribute("type") != Some(ASSET_TYPE.as_bytes()) {
         return invalid(&format!("expected a script of the type {ASSET_TYPE:?}"));
     }

@@ -22,7 +22,7 @@ pub fn wrapped(page: &Page<'_>, ltgs: &[u8], facts: &Provenance) -> Result<Vec<u
     let html = page.html();
     let find = |name: &str| -> Result<Tag<'_>> {
         let found = tags(html.as_bytes()).find(|tag| tag.is(name));
-        found.ok_or_else(|| Error::invalid("", format!("the page has no <{name}>")))
+        found.ok_or_else(|| invalid!("", "the page has no <{name}>"))
     };
     // The policy must stand before what it governs, and the encoding in the first 1024 bytes.
     let [charset, title, body] = [find("meta")?, find("title")?, find("body")?];

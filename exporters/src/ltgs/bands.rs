@@ -6,7 +6,7 @@ use super::integers::{put_numbers, take_exactly, take_numbers, unzigzag, zigzag}
 use super::numbers::length;
 use super::splats::SplatCodes;
 use super::tally::Tally;
-use crate::{Error, Result, num_sh_coefficients};
+use crate::{Result, num_sh_coefficients};
 use std::ops::Range;
 
 /// Halves of the mean length, and lengths, from which they are not told apart.
@@ -33,7 +33,7 @@ pub fn put_degrees<const C: usize>(
 /// Takes the degrees of `n` splats off the front.
 ///
 /// # Errors
-/// As [`take_numbers`]; [`Error::Invalid`] for degrees above `most`.
+/// As [`take_numbers`]; [`crate::Error::Invalid`] for degrees above `most`.
 pub fn take_degrees<const C: usize>(
     block: &mut &[u8],
     n: usize,
@@ -45,13 +45,10 @@ pub fn take_degrees<const C: usize>(
         return crate::files::limits::filled(n, most as u8);
     }
     if numbers.len() != n {
-        return Err(Error::invalid(
-            "",
-            format!("SH degrees: {} numbers, expected {n} or none", numbers.len()),
-        ));
+        return Err(invalid!("", "SH degrees: {} numbers, expected {n} or none", numbers.len()));
     }
     match numbers.iter().find(|&&degree| degree > most) {
-        Some(degree) => Err(Error::invalid("", format!("SH degree {degree} of a splat, at most {most}"))),
+        Some(degree) => Err(invalid!("", "SH degree {degree} of a splat, at most {most}")),
         None => Ok(numbers.iter().map(|&degree| degree as u8).collect()),
     }
 }
@@ -76,7 +73,7 @@ impl SplatCodes {
     /// The inverse of [`Self::encode_sh`] for splats with geometry.
     ///
     /// # Errors
-    /// [`Error::Invalid`] or [`Error::Unsupported`].
+    /// [`crate::Error::Invalid`] or [`crate::Error::Unsupported`].
     pub fn take_sh(&mut self, mut block: &[u8], sh_degree: u32, tally: &mut Tally) -> Result<()> {
         let before = block.len();
         if sh_degree > 0 {
@@ -95,11 +92,7 @@ impl SplatCodes {
             }
         }
         tally.add("sh_rest", before, block.len());
-        if block.is_empty() {
-            Ok(())
-        } else {
-            Err(Error::invalid("", format!("SH: {} bytes too many", block.len())))
-        }
+        if block.is_empty() { Ok(()) } else { Err(invalid!("", "SH: {} bytes too many", block.len())) }
     }
 }
 

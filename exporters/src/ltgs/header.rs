@@ -114,7 +114,7 @@ impl Header {
             return Err(Error::unsupported(path, what));
         }
         let Some(&quality) = Quality::ALL.get(usize::from(head[25])) else {
-            return Err(Error::unsupported(path, format!("profile {} is unknown to this program", head[25])));
+            return Err(unsupported!(path, "profile {} is unknown to this program", head[25]));
         };
         let header = Self {
             minor: u16_at(6),
@@ -135,27 +135,21 @@ impl Header {
 
     fn check(&self, path: &Path) -> Result<()> {
         if self.num_splats as usize > SPLATS_MAX {
-            let what = format!("header: {} splats, at most {SPLATS_MAX}", self.num_splats);
-            return Err(Error::too_large(path, what));
+            return Err(too_large!(path, "header: {} splats, at most {SPLATS_MAX}", self.num_splats));
         }
         if self.num_texels > u32::MAX.into() {
-            return Err(Error::too_large(
-                path,
-                format!("header: {} texels, at most 2^32 - 1", self.num_texels),
-            ));
+            return Err(too_large!(path, "header: {} texels, at most 2^32 - 1", self.num_texels));
         }
         if self.meta_text_bytes as usize > crate::asset::meta::META_BYTES_MAX {
-            let what = format!("metadata: {} bytes, at most 16 MiB", self.meta_text_bytes);
-            return Err(Error::too_large(path, what));
+            return Err(too_large!(path, "metadata: {} bytes, at most 16 MiB", self.meta_text_bytes));
         }
         if self.sh_degree > 3 {
-            return Err(Error::invalid(path, format!("header: SH degree {}, at most 3", self.sh_degree)));
+            return Err(invalid!(path, "header: SH degree {}, at most 3", self.sh_degree));
         }
         let fewest = self.num_splats.div_ceil(CHUNK_SPLATS as u32);
         if !(fewest..=self.num_splats).contains(&self.num_chunks) {
             let [found, splats] = [self.num_chunks, self.num_splats];
-            let what = format!("header: {found} chunks, {splats} splats need {fewest} to {splats}");
-            return Err(Error::invalid(path, what));
+            return Err(invalid!(path, "header: {found} chunks, {splats} splats need {fewest} to {splats}"));
         }
         Ok(())
     }

@@ -183,11 +183,11 @@ pub fn expand(coded: &[u8], num_bytes: usize) -> Result<Vec<u8>> {
 }
 
 fn damaged(what: &str) -> Error {
-    Error::invalid("", format!("stream: {what}"))
+    invalid!("", "stream: {what}")
 }
 
 fn unknown_codec(codec: u8) -> Error {
-    Error::unsupported("", format!("stream: codec {codec}; supported: 0 and 1 for bytes, 2 for numbers"))
+    unsupported!("", "stream: codec {codec}; supported: 0 and 1 for bytes, 2 for numbers")
 }
 
 /// A stream whose sizes have been checked.

@@ -158,11 +158,7 @@ pub fn decode_geometry(mut block: &[u8], n: usize, tally: &mut Tally) -> Result<
         take_exactly(block, n, alone)?;
     }
     count("means", block.len());
-    if block.is_empty() {
-        Ok(asset)
-    } else {
-        Err(Error::invalid("", format!("geometry: {} bytes too many", block.len())))
-    }
+    if block.is_empty() { Ok(asset) } else { Err(invalid!("", "geometry: {} bytes too many", block.len())) }
 }
 
 /// Adds the SH above degree 0, up to `sh_degree`, to a chunk with geometry.
@@ -190,11 +186,7 @@ pub fn decode_sh(mut block: &[u8], sh_degree: u32, asset: &mut SplatAsset, tally
         tally.add("sh_rest", before, block.len());
         (asset.sh, asset.sh_degree) = (sh, sh_degree);
     }
-    if block.is_empty() {
-        Ok(())
-    } else {
-        Err(Error::invalid("", format!("SH: {} bytes too many", block.len())))
-    }
+    if block.is_empty() { Ok(()) } else { Err(invalid!("", "SH: {} bytes too many", block.len())) }
 }
 
 /// Decodes the texels of a chunk. `[num_texels, 3]`
@@ -206,6 +198,6 @@ pub fn decode_texels(mut block: &[u8], num_texels: usize) -> Result<Vec<f32>> {
     if block.is_empty() {
         Ok(texels)
     } else {
-        Err(Error::invalid("", format!("texel block: {} bytes too many", block.len())))
+        Err(invalid!("", "texel block: {} bytes too many", block.len()))
     }
 }

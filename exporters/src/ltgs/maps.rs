@@ -4,7 +4,7 @@ use super::contexts::of_side;
 use super::integers::{alone, put_numbers, take_exactly, take_or_zeros, unless_zeros, unzigzag, zigzag};
 use super::shape::TexelSizeCodes;
 use super::splats::SplatCodes;
-use crate::{Error, Result};
+use crate::Result;
 
 /// Appends the shifts of maps: two streams, along u and v, without numbers where all are 0. `contexts` of both.
 pub fn put_shifts<const C: usize>(
@@ -21,7 +21,7 @@ pub fn put_shifts<const C: usize>(
 /// Takes the shifts of `n` maps off the front.
 ///
 /// # Errors
-/// As [`take_or_zeros`]; [`Error::Invalid`] beyond 16 bits.
+/// As [`take_or_zeros`]; [`crate::Error::Invalid`] beyond 16 bits.
 pub fn take_shifts<const C: usize>(
     block: &mut &[u8],
     n: usize,
@@ -31,7 +31,7 @@ pub fn take_shifts<const C: usize>(
     for (axis, contexts) in contexts.into_iter().enumerate() {
         for (shift, number) in shifts.iter_mut().zip(take_or_zeros(block, n, contexts)?) {
             let number = unzigzag(number);
-            let beyond = |_| Error::invalid("", format!("shift {number} of a map, beyond 16 bits"));
+            let beyond = |_| invalid!("", "shift {number} of a map, beyond 16 bits");
             shift[axis] = i16::try_from(number).map_err(beyond)?;
         }
     }
@@ -79,7 +79,7 @@ impl SplatCodes {
     /// The inverse of [`Self::put_texel_sizes`], for splats whose sides are known.
     ///
     /// # Errors
-    /// [`Error::Invalid`] or [`Error::Unsupported`].
+    /// [`crate::Error::Invalid`] or [`crate::Error::Unsupported`].
     pub fn take_texel_sizes(&mut self, block: &mut &[u8]) -> Result<()> {
         let contexts = MapContexts::of(self);
         let textured = contexts.sides.len();

@@ -162,8 +162,7 @@ impl<'a> NumberReader<'a> {
     /// [`Error::Invalid`] if the bytes cannot hold `count` numbers.
     pub fn new(bytes: &'a [u8], count: usize, contexts: usize) -> Result<Self> {
         if count / NUMBERS_PER_BYTE > bytes.len() {
-            let what = format!("stream: {} bytes do not hold {count} numbers", bytes.len());
-            return Err(Error::invalid("", what));
+            return Err(invalid!("", "stream: {} bytes do not hold {count} numbers", bytes.len()));
         }
         Ok(Self { decoder: Decoder::new(bytes), model: AnyModel::new(contexts) })
     }

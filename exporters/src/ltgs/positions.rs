@@ -58,7 +58,7 @@ impl SplatCodes {
             cell = cell
                 .checked_add(gap)
                 .filter(|&cell| cell < limit)
-                .ok_or_else(|| Error::invalid("", format!("cell of splat {splat} lies outside the grid")))?;
+                .ok_or_else(|| invalid!("", "cell of splat {splat} lies outside the grid"))?;
             let mut corner = [0; 3];
             for (corner, of_cell) in corner.iter_mut().zip(coordinates(cell)) {
                 let place = places

@@ -225,21 +225,19 @@ impl<'a> Reader<'a> {
         let bytes = range.and_then(|(first, length)| self.bytes.get(first..first.checked_add(length)?));
         let bytes = bytes.ok_or_else(|| {
             let (end, found) = (block.offset.saturating_add(block.bytes), self.bytes.len());
-            Error::invalid("", format!("a block ends at byte {end}, the file has {found}: truncated"))
+            invalid!("", "a block ends at byte {end}, the file has {found}: truncated")
         })?;
         let found = XxHash3_64::oneshot(bytes);
         if found == block.checksum {
             return Ok(bytes);
         }
-        Err(Error::invalid("", format!("checksum {found:016x}, stated {:016x}: damaged", block.checksum)))
+        Err(invalid!("", "checksum {found:016x}, stated {:016x}: damaged", block.checksum))
     }
 
     /// A chunk without the file's metadata, and its bytes by attribute.
     pub(super) fn decode_chunk(&self, chunk: usize) -> Result<(SplatAsset, Tally)> {
-        let entry = self
-            .entries
-            .get(chunk)
-            .ok_or_else(|| Error::invalid("", format!("chunk {chunk} of {}", self.entries.len())))?;
+        let entry =
+            self.entries.get(chunk).ok_or_else(|| invalid!("", "chunk {chunk} of {}", self.entries.len()))?;
         let blocks = [self.block(&entry.geometry)?, self.block(&entry.sh)?, self.block(&entry.texels)?];
         let mut tally = Tally::default();
         tally.count("texels", blocks[2].len() as u64);
@@ -303,8 +301,7 @@ fn check_texels(asset: &SplatAsset, entry: &Entry) -> Result<()> {
     if found == entry.num_texels {
         return Ok(());
     }
-    let what = format!("maps of {found} texels, the table of contents says {}", entry.num_texels);
-    Err(Error::invalid("", what))
+    Err(invalid!("", "maps of {found} texels, the table of contents says {}", entry.num_texels))
 }
 
 /// Bytes of the arrays to which this many splats and texels of a file decode.

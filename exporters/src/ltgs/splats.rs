@@ -206,7 +206,7 @@ impl SplatCodes {
         for x in take_exactly(&mut block, n, alone)? {
             let x = unzigzag(x);
             if x.abs() > EXPONENT_MAX {
-                return Err(Error::invalid("", format!("exponent {x} of a splat, at most {EXPONENT_MAX}")));
+                return Err(invalid!("", "exponent {x} of a splat, at most {EXPONENT_MAX}"));
             }
             codes.exponents.push(x);
         }
@@ -233,7 +233,7 @@ impl SplatCodes {
         codes.take_colours(&mut block, sh_degree)?;
         tally.add("sh0", before, block.len());
         if !block.is_empty() {
-            return Err(Error::invalid("", format!("geometry: {} bytes too many", block.len())));
+            return Err(invalid!("", "geometry: {} bytes too many", block.len()));
         }
         codes.take_sh(sh, sh_degree, tally)?;
         Ok(codes)
@@ -242,7 +242,7 @@ impl SplatCodes {
     fn take_sides(&mut self, block: &mut &[u8]) -> Result<()> {
         let side = |found: i64| {
             let within = u16::try_from(found).ok().filter(|&side| side <= MAP_SIDE_MAX);
-            within.ok_or_else(|| Error::invalid("", format!("side {found} of a map, at most {MAP_SIDE_MAX}")))
+            within.ok_or_else(|| invalid!("", "side {found} of a map, at most {MAP_SIDE_MAX}"))
         };
         for rows in take_exactly(block, self.exponents.len(), |splat, _| [self.exponent_context(splat)])? {
             self.sides.push([side(rows.into())?, 0]);
@@ -254,7 +254,7 @@ impl SplatCodes {
             let rows = self.sides[splat][0];
             let cols = side(i64::from(rows) + i64::from(unzigzag(more)))?;
             if cols == 0 {
-                return Err(Error::invalid("", format!("a map of {rows} x 0 texels")));
+                return Err(invalid!("", "a map of {rows} x 0 texels"));
             }
             self.sides[splat][1] = cols;
         }

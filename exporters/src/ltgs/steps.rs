@@ -1,7 +1,7 @@
 //! How coarsely the numbers of a lossy file are rounded, and the few numbers of the whole scene to which the steps refer.
 //! Both are stored in the file's metadata.
 
-use crate::{Error, Result};
+use crate::Result;
 use serde::{Deserialize, Serialize};
 
 /// Quantisation steps. Each splat has an exponent x, chosen by the writer from how much the splat contributes to renders;
@@ -73,7 +73,7 @@ impl Steps {
     /// Checks that every step is usable.
     ///
     /// # Errors
-    /// [`Error::Invalid`] unless each step is in `[2^-30, 16]`.
+    /// [`crate::Error::Invalid`] unless each step is in `[2^-30, 16]`.
     pub fn validate(&self) -> Result<()> {
         let Self { position, tilt, twist, log2_scale, log2_opacity, .. } = *self;
         let all =
@@ -82,7 +82,7 @@ impl Steps {
         if all.iter().chain(&self.sh_rest).chain([&self.chroma]).all(|s| range.contains(s)) {
             return Ok(());
         }
-        Err(Error::invalid("", format!("steps are not in [2^-30, 16]: {self:?}")))
+        Err(invalid!("", "steps are not in [2^-30, 16]: {self:?}"))
     }
 }
 
@@ -118,7 +118,7 @@ impl Grid {
     /// Checks that the grid is usable.
     ///
     /// # Errors
-    /// [`Error::Invalid`] showing the grid.
+    /// [`crate::Error::Invalid`] showing the grid.
     pub fn validate(&self) -> Result<()> {
         let numbers = self.origin.iter().chain([&self.log2_scale, &self.log2_texel_size]);
         let valid = numbers.clone().all(|v| v.abs() <= f64::from(f32::MAX))
@@ -126,7 +126,7 @@ impl Grid {
             && self.bits <= GRID_BITS_MAX
             && self.cell_bits <= self.bits
             && self.bits - self.cell_bits <= CELL_COORDINATE_BITS_MAX;
-        if valid { Ok(()) } else { Err(Error::invalid("", format!("{self:?} is out of bounds"))) }
+        if valid { Ok(()) } else { Err(invalid!("", "{self:?} is out of bounds")) }
     }
 }
 
@@ -144,7 +144,7 @@ impl Quantiser {
     /// Checks that steps and grid are usable.
     ///
     /// # Errors
-    /// [`Error::Invalid`].
+    /// [`crate::Error::Invalid`].
     pub fn validate(&self) -> Result<()> {
         self.steps.validate()?;
         self.grid.validate()

@@ -2,9 +2,9 @@
 
 use super::integers::{compress, expand};
 use super::steps::Quantiser;
+use crate::Result;
 use crate::asset::hash::hash_from_text;
 use crate::asset::meta::{META_BYTES_MAX, Meta};
-use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 
 /// Texts of this length or more are compressed.
@@ -41,12 +41,12 @@ impl FileMeta {
     /// Returns the bytes in the file and the length of the text, which are equal if it is not compressed.
     ///
     /// # Errors
-    /// [`Error::TooLarge`] for more than 16 MiB of text.
+    /// [`crate::Error::TooLarge`] for more than 16 MiB of text.
     pub fn encode(&self) -> Result<(Vec<u8>, usize)> {
-        let text = serde_json::to_vec(self).map_err(|e| Error::invalid("", format!("metadata: {e}")))?;
+        let text = serde_json::to_vec(self).map_err(|e| invalid!("", "metadata: {e}"))?;
         let length = text.len();
         if length > META_BYTES_MAX {
-            return Err(Error::too_large("", format!("metadata: {length} bytes, at most {META_BYTES_MAX}")));
+            return Err(too_large!("", "metadata: {length} bytes, at most {META_BYTES_MAX}"));
         }
         let compressed = (length >= COMPRESSED_FROM_BYTES).then(|| compress(&text, 19)).flatten();
         Ok((compressed.filter(|c| c.len() < length).unwrap_or(text), length))
@@ -55,7 +55,7 @@ impl FileMeta {
     /// Decodes the bytes in the file.
     ///
     /// # Errors
-    /// [`Error::Invalid`].
+    /// [`crate::Error::Invalid`].
     pub fn decode(bytes: &[u8], is_compressed: bool, text_bytes: usize) -> Result<Self> {
         let expanded;
         let text = if is_compressed {
@@ -64,8 +64,7 @@ impl FileMeta {
         } else {
             bytes
         };
-        let meta: Self =
-            serde_json::from_slice(text).map_err(|e| Error::invalid("", format!("metadata: {e}")))?;
+        let meta: Self = serde_json::from_slice(text).map_err(|e| invalid!("", "metadata: {e}"))?;
         if let Some(quantiser) = &meta.quantiser {
             quantiser.validate()?;
         }

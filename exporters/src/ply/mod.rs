@@ -22,10 +22,11 @@ mod scalar;
 mod validate;
 mod write;
 
+pub use header::{Element, Encoding, Header, Kind, Property};
 pub use read::{PlyContents, decode_ply, read_ply};
 pub use scalar::Scalar;
 pub use validate::validate;
-pub use write::{PlyFlavour, PlyOptions, PlySummary, PlyUp, encode_ply, write_ply};
+pub use write::{PlyFlavour, PlyOptions, PlySummary, PlyUp, encode_ply};
 
 /// Beginning of the comment that marks files whose other comments are escaped.
 const COMMENT_OURS: &str = "written by: litetex ";

@@ -8,7 +8,7 @@ use super::{COMMENT_OURS, PlyUp};
 use crate::fallback::ellipsoid::{is_thick, thinnest_last};
 use crate::files::limits::{room_for_splats, splat_bytes};
 use crate::files::read::read_file;
-use crate::{AssetMap, Error, ReadLimits, Result, Section, SplatAsset, num_sh_coefficients};
+use crate::{AssetMap, ReadLimits, Result, Section, SplatAsset, num_sh_coefficients};
 use std::path::Path;
 
 /// The contents of a PLY file.
@@ -29,7 +29,7 @@ pub struct PlyContents {
 /// Reads a file. See [`decode_ply`].
 ///
 /// # Errors
-/// As [`decode_ply`], and [`Error::Io`].
+/// As [`decode_ply`], and [`crate::Error::Io`].
 pub fn read_ply(path: &Path, limits: &ReadLimits) -> Result<PlyContents> {
     decode_ply(&read_file(path, limits.decoded_bytes)?, path, limits)
 }
@@ -50,20 +50,14 @@ impl Columns {
         let index = |name: &str| vertex.properties.iter().position(|p| p.name == name);
         let required = |name: &str| {
             index(name).ok_or_else(|| {
-                Error::invalid(
-                    path,
-                    format!("element \"vertex\" has no property {name:?}: not a file of splats"),
-                )
+                invalid!(path, "element \"vertex\" has no property {name:?}: not a file of splats")
             })
         };
         let numbered = |name: &str| (0..).map_while(|i| index(&format!("{name}_{i}"))).collect::<Vec<_>>();
         let rest = numbered("f_rest");
         let sh_degree =
             (0..=3).find(|&d| 3 * (num_sh_coefficients(d) - 1) == rest.len()).ok_or_else(|| {
-                Error::unsupported(
-                    path,
-                    format!("{} properties f_rest_*; supported: 0, 9, 24, 45", rest.len()),
-                )
+                unsupported!(path, "{} properties f_rest_*; supported: 0, 9, 24, 45", rest.len())
             })?;
         let mut scales = vec![required("scale_0")?, required("scale_1")?];
         scales.extend(index("scale_2"));
@@ -82,8 +76,8 @@ impl Columns {
 /// Decodes the bytes of a file; `path` is only for messages.
 ///
 /// # Errors
-/// [`Error::Invalid`] if the file is damaged or no file of splats, [`Error::Unsupported`] for
-/// big-endian files, lists and SH degrees above 3, [`Error::TooLarge`].
+/// [`crate::Error::Invalid`] if the file is damaged or no file of splats, [`crate::Error::Unsupported`] for
+/// big-endian files, lists and SH degrees above 3, [`crate::Error::TooLarge`].
 pub fn decode_ply(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<PlyContents> {
     let rows = Rows::open(bytes, path)?;
     let columns = Columns::find(rows.vertex(), path)?;
@@ -106,7 +100,7 @@ pub fn decode_ply(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<PlyC
 fn push_splat(contents: &mut PlyContents, columns: &Columns, values: &[f64], path: &Path) -> Result<()> {
     let asset = &mut contents.asset;
     let splat = asset.num_splats();
-    let offence = |what: String| Err(Error::invalid(path, format!("splat {splat}: {what}")));
+    let offence = |what: String| Err(invalid!(path, "splat {splat}: {what}"));
 
     let quaternion = columns.rotation.map(|c| values[c]);
     let norm = quaternion.iter().map(|v| v * v).sum::<f64>().sqrt();

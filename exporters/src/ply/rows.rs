@@ -23,15 +23,18 @@ impl<'a> Rows<'a> {
     /// As [`super::decode_ply`].
     pub(super) fn open(bytes: &'a [u8], path: &'a Path) -> Result<Self> {
         let header = Header::parse(bytes, path)?;
+        if header.encoding == Encoding::BinaryBigEndian {
+            let what = "big-endian values; supported: binary_little_endian, ascii";
+            return Err(Error::unsupported(path, what));
+        }
         let at = header.elements.iter().position(|e| e.name == "vertex");
         let at = at.ok_or_else(|| Error::invalid(path, "no element \"vertex\""))?;
         let vertex = &header.elements[at];
-        let list =
-            |name: &str| Error::unsupported(path, format!("list property {} of \"vertex\"", quoted(name)));
-        let scalars = vertex.properties.iter().map(|p| p.scalar.ok_or_else(|| list(&p.name)));
+        let list = |name: &str| unsupported!(path, "list property {} of \"vertex\"", quoted(name));
+        let scalars = vertex.properties.iter().map(|p| p.scalar().ok_or_else(|| list(&p.name)));
         let scalars = scalars.collect::<Result<_>>()?;
         if vertex.count > SPLATS_MAX {
-            return Err(Error::too_large(path, format!("{} splats, at most {SPLATS_MAX}", vertex.count)));
+            return Err(too_large!(path, "{} splats, at most {SPLATS_MAX}", vertex.count));
         }
         let data = bytes.get(header.num_bytes..).unwrap_or_default();
         Ok(Self { header, path, at, scalars, data })
@@ -52,7 +55,8 @@ impl<'a> Rows<'a> {
     /// [`Error::Invalid`] if the file is cut, and what `visit` returns.
     pub(super) fn for_each(&self, visit: &mut dyn FnMut(&[f64]) -> Result<()>) -> Result<()> {
         match self.header.encoding {
-            Encoding::BinaryLittleEndian => {
+            Encoding::Ascii => self.for_each_line(visit),
+            _ => {
                 let mut values = Vec::with_capacity(self.scalars.len());
                 for row in self.binary()? {
                     let mut rest = row;
@@ -66,7 +70,6 @@ impl<'a> Rows<'a> {
                 }
                 Ok(())
             }
-            Encoding::Ascii => self.for_each_line(visit),
         }
     }
 
@@ -88,21 +91,18 @@ impl<'a> Rows<'a> {
         let data = self.data.get(skipped..).unwrap_or_default();
         match row.checked_mul(count).and_then(|needed| data.get(..needed)) {
             Some(rows) if row > 0 => Ok(rows.chunks_exact(row)),
-            _ => {
-                let what = format!(
-                    "{count} splats of {row} bytes each, but {} bytes of data: the file is truncated or damaged",
-                    data.len()
-                );
-                Err(Error::invalid(self.path, what))
-            }
+            _ => Err(invalid!(
+                self.path,
+                "{count} splats of {row} bytes each, but {} bytes of data: the file is truncated or damaged",
+                data.len()
+            )),
         }
     }
 
     /// The rows of a text file: one line per row.
     fn for_each_line(&self, visit: &mut dyn FnMut(&[f64]) -> Result<()>) -> Result<()> {
         let invalid = |what: String| Err(Error::invalid(self.path, what));
-        let text = std::str::from_utf8(self.data)
-            .map_err(|e| Error::invalid(self.path, format!("ascii data: {e}")))?;
+        let text = std::str::from_utf8(self.data).map_err(|e| invalid!(self.path, "ascii data: {e}"))?;
         let mut lines = text.lines();
         for element in &self.header.elements[..self.at] {
             if element.count > 0 && lines.nth(element.count - 1).is_none() {
@@ -128,8 +128,8 @@ impl<'a> Rows<'a> {
         let row = self.vertex().row_bytes().unwrap_or_default();
         let needed = row.checked_mul(self.vertex().count).and_then(|v| v.checked_add(self.skipped_bytes()?));
         match self.header.encoding {
-            Encoding::BinaryLittleEndian => self.data.len().saturating_sub(needed.unwrap_or(usize::MAX)),
             Encoding::Ascii => 0,
+            _ => self.data.len().saturating_sub(needed.unwrap_or(usize::MAX)),
         }
     }
 
@@ -153,7 +153,7 @@ impl<'a> Rows<'a> {
         }
         let count = self.vertex().count as u64;
         for property in &self.vertex().properties {
-            let bytes = property.scalar.map_or(0, Scalar::num_bytes) as u64;
+            let bytes = property.scalar().map_or(0, Scalar::num_bytes) as u64;
             add(part_of(&property.name), bytes * count, Describes::Splats);
         }
         add("other", u64::MAX, Describes::Other);

@@ -3,9 +3,7 @@
 use super::escape::escaped;
 use super::{COMMENT_2DGS, world_comment};
 use crate::fallback::baked::{Baked, Baker};
-use crate::files::atomic_file;
-use crate::{Error, Result, SplatAsset, Transform, num_sh_coefficients};
-use std::path::Path;
+use crate::{Result, SplatAsset, Transform, num_sh_coefficients};
 
 /// The layout of a PLY file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -81,25 +79,15 @@ pub struct PlySummary {
 /// Thickness of discs for viewers of ellipsoids, world units: its logarithm must be finite, and the disc must look flat.
 const THICKNESS: f64 = 1e-6;
 
-/// Writes a file. See [`encode_ply`].
-///
-/// # Errors
-/// As [`encode_ply`], and [`Error::Io`].
-pub fn write_ply(path: &Path, asset: &SplatAsset, options: &PlyOptions) -> Result<PlySummary> {
-    let (bytes, summary) = encode_ply(asset, options).map_err(|e| e.at(path))?;
-    atomic_file::write(path, &bytes)?;
-    Ok(summary)
-}
-
 /// Encodes a binary little-endian file.
 ///
 /// # Errors
-/// [`Error::Invalid`] if the asset breaks a rule or a value is not finite in the world frame, [`Error::TooLarge`].
+/// [`crate::Error::Invalid`] if the asset breaks a rule or a value is not finite in the world frame, [`crate::Error::TooLarge`].
 pub fn encode_ply(asset: &SplatAsset, options: &PlyOptions) -> Result<(Vec<u8>, PlySummary)> {
     asset.validate()?;
     let sh_degree = options.sh_degree.unwrap_or(asset.sh_degree);
     if sh_degree > 3 {
-        return Err(Error::invalid("", format!("SH degree {sh_degree} requested, at most 3")));
+        return Err(invalid!("", "SH degree {sh_degree} requested, at most 3"));
     }
     let mut bytes = header(asset, options, sh_degree).into_bytes();
     let mut summary = PlySummary::default();
@@ -110,7 +98,7 @@ pub fn encode_ply(asset: &SplatAsset, options: &PlyOptions) -> Result<(Vec<u8>, 
         let baked = baker.splat(splat);
         push_splat(&mut row, &baked, options.flavour, sh_degree);
         if !row.iter().all(|v| v.is_finite()) {
-            return Err(Error::invalid("", format!("splat {splat}: not finite in the frame of the file")));
+            return Err(invalid!("", "splat {splat}: not finite in the frame of the file"));
         }
         bytes.extend(row.iter().flat_map(|v| v.to_le_bytes()));
         summary.averaged_maps += usize::from(asset.maps[splat].num_texels() > 0);

@@ -30,7 +30,7 @@ impl Header {
     /// [`Error::Invalid`], [`Error::Unsupported`] for versions and degrees that are not known, [`Error::TooLarge`].
     pub fn parse(bytes: &[u8], path: &Path) -> Result<Self> {
         let word = |at: usize| bytes.get(at..at + 4)?.first_chunk().map(|b| u32::from_le_bytes(*b));
-        let cut = || Error::invalid(path, format!("{} bytes, the header of an SPZ file has 16", bytes.len()));
+        let cut = || invalid!(path, "{} bytes, the header of an SPZ file has 16", bytes.len());
         let (Some(magic), Some(version), Some(count), Some(&[sh_degree, fractional_bits, flags, last])) =
             (word(0), word(4), word(8), bytes.get(12..).and_then(<[u8]>::first_chunk))
         else {
@@ -38,26 +38,20 @@ impl Header {
         };
         if magic != MAGIC {
             let found = magic.to_le_bytes();
-            return Err(Error::invalid(
-                path,
-                format!("begins with {found:02x?}, expected \"NGSP\": not an SPZ file"),
-            ));
+            return Err(invalid!(path, "begins with {found:02x?}, expected \"NGSP\": not an SPZ file"));
         }
         if !(1..=4).contains(&version) {
-            return Err(Error::unsupported(path, format!("SPZ version {version}; supported: 1 to 4")));
+            return Err(unsupported!(path, "SPZ version {version}; supported: 1 to 4"));
         }
         if sh_degree > 3 {
-            return Err(Error::unsupported(path, format!("SH degree {sh_degree}; supported: 0 to 3")));
+            return Err(unsupported!(path, "SH degree {sh_degree}; supported: 0 to 3"));
         }
         if fractional_bits > 30 {
-            return Err(Error::invalid(
-                path,
-                format!("{fractional_bits} fractional bits, expected at most 30"),
-            ));
+            return Err(invalid!(path, "{fractional_bits} fractional bits, expected at most 30"));
         }
         let num_splats = count as usize;
         if num_splats > SPLATS_MAX {
-            return Err(Error::too_large(path, format!("{num_splats} splats, at most {SPLATS_MAX}")));
+            return Err(too_large!(path, "{num_splats} splats, at most {SPLATS_MAX}"));
         }
         let [sh_degree, fractional_bits] = [sh_degree, fractional_bits].map(u32::from);
         Ok(Self { version, num_splats, sh_degree, fractional_bits, flags, last })

@@ -30,7 +30,7 @@ pub fn pack(header: &[u8], streams: &[Vec<u8>], meta: &[u8]) -> Result<Vec<u8>> 
     }
     let length = (meta.len() as u16).to_le_bytes();
     let extra = [&SUBFIELD, &length, meta].concat();
-    let failed = |e: std::io::Error| Error::invalid("", format!("gzip: {e}"));
+    let failed = |e: std::io::Error| invalid!("", "gzip: {e}");
     let mut encoder = GzBuilder::new().extra(extra).write(Vec::new(), Compression::best());
     std::iter::once(header)
         .chain(streams.iter().map(Vec::as_slice))
@@ -46,25 +46,22 @@ pub fn pack(header: &[u8], streams: &[Vec<u8>], meta: &[u8]) -> Result<Vec<u8>> 
 pub fn unpack(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<Container> {
     let mut decoder = GzDecoder::new(bytes);
     let mut head = [0; HEADER_BYTES];
-    decoder.read_exact(&mut head).map_err(|e| Error::invalid(path, format!("header: gzip: {e}")))?;
+    decoder.read_exact(&mut head).map_err(|e| invalid!(path, "header: gzip: {e}"))?;
     let header = Header::parse(&head, path)?;
     if header.version > 3 {
-        let what = format!("SPZ version {} within gzip, expected 1 to 3", header.version);
-        return Err(Error::invalid(path, what));
+        return Err(invalid!(path, "SPZ version {} within gzip, expected 1 to 3", header.version));
     }
     let sizes = header.sizes(bytes.len(), path, limits)?;
     let mut streams = Vec::new();
     for (name, size) in NAMES.iter().zip(sizes) {
         let mut data = filled(size, 0).map_err(|e| e.at(path))?;
         let before = decoder.get_ref().len();
-        decoder
-            .read_exact(&mut data)
-            .map_err(|e| Error::invalid(path, format!("stream {name:?}: gzip: {e}")))?;
+        decoder.read_exact(&mut data).map_err(|e| invalid!(path, "stream {name:?}: gzip: {e}"))?;
         streams.push(Stream { data, packed_bytes: (before - decoder.get_ref().len()) as u64 });
     }
     // The end of the stream has the checksum of all.
     let mut rest = decoder.by_ref().take(limits.decoded_bytes);
-    std::io::copy(&mut rest, &mut std::io::sink()).map_err(|e| Error::invalid(path, format!("gzip: {e}")))?;
+    std::io::copy(&mut rest, &mut std::io::sink()).map_err(|e| invalid!(path, "gzip: {e}"))?;
     let meta = decoder.header().and_then(flate2::GzHeader::extra).and_then(subfield).map(<[u8]>::to_vec);
     Ok(Container { header, streams, meta })
 }

@@ -26,7 +26,7 @@ mod zstd_streams;
 
 pub use read::{decode_spz, read_spz};
 pub use validate::validate;
-pub use write::{SpzSummary, encode_spz, write_spz};
+pub use write::{SpzSummary, encode_spz};
 
 /// The first bytes of a file, of version 1 to 3 when decompressed: "NGSP".
 const MAGIC: u32 = 0x5053_474e;

@@ -1,7 +1,7 @@
 //! Writer and reader against each other and against damage.
 
 use super::*;
-use crate::asset::tests::{camera, fixture};
+use crate::asset::tests::{camera, fixture, front};
 use crate::fallback::baked::Baker;
 use crate::{Contents, Error, Filter, Provenance, ReadLimits, SplatAsset};
 use std::path::Path;
@@ -138,17 +138,7 @@ fn files_of_older_versions_are_read() {
 #[test]
 fn more_metadata_than_there_is_room_for_are_refused() {
     let mut asset = fixture(3, 0);
-    asset.cameras = vec![
-        crate::AssetCamera {
-            name: "x".repeat(700),
-            width_px: 1,
-            height_px: 1,
-            focal_px: [1.0; 2],
-            rotation_rows: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
-            ..Default::default()
-        };
-        100
-    ];
+    asset.cameras = vec![crate::AssetCamera { name: "x".repeat(700), ..front(1.0) }; 100];
     let error = encode(&asset, SpzVersion::V3).unwrap_err();
     assert!(matches!(error, Error::TooLarge { .. }) && error.to_string().contains("version 4"), "{error}");
     assert_eq!(decode(&encode(&asset, SpzVersion::V4).unwrap().0).unwrap().asset.cameras.len(), 100);

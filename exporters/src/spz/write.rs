@@ -3,11 +3,9 @@
 use super::{ANTIALIASED, COLOUR_SCALE, MAGIC, ShBits, SpzOptions, SpzVersion, gzip, rotation, zstd_streams};
 use crate::asset::meta::Meta;
 use crate::fallback::baked::{Baked, Baker};
-use crate::files::atomic_file;
 use crate::math::sh::Turn;
 use crate::math::yup;
-use crate::{Error, Filter, Result, SplatAsset};
-use std::path::Path;
+use crate::{Filter, Result, SplatAsset};
 
 /// Fractional bits of positions that other programs accept.
 const FRACTIONAL_BITS: std::ops::RangeInclusive<u32> = 4..=23;
@@ -27,20 +25,10 @@ pub struct SpzSummary {
     pub clamped_scales: usize,
 }
 
-/// Writes a file. See [`encode_spz`].
-///
-/// # Errors
-/// As [`encode_spz`], and [`Error::Io`].
-pub fn write_spz(path: &Path, asset: &SplatAsset, options: &SpzOptions) -> Result<SpzSummary> {
-    let (bytes, summary) = encode_spz(asset, options).map_err(|e| e.at(path))?;
-    atomic_file::write(path, &bytes)?;
-    Ok(summary)
-}
-
 /// Encodes a file.
 ///
 /// # Errors
-/// [`Error::Invalid`] if the asset breaks a rule or its centres lie too far out, [`Error::TooLarge`] also for more cameras than
+/// [`crate::Error::Invalid`] if the asset breaks a rule or its centres lie too far out, [`crate::Error::TooLarge`] also for more cameras than
 /// version 3 has room for.
 pub fn encode_spz(asset: &SplatAsset, options: &SpzOptions) -> Result<(Vec<u8>, SpzSummary)> {
     asset.validate()?;
@@ -49,10 +37,7 @@ pub fn encode_spz(asset: &SplatAsset, options: &SpzOptions) -> Result<(Vec<u8>, 
     let extent = (0..n).flat_map(|i| baker.position(i)).fold(0.0_f64, |a, v| a.max(v.abs()));
     let fits = |bits: &u32| extent * f64::from(1_u32 << bits) <= FIXED_MAX;
     let fractional_bits = FRACTIONAL_BITS.rev().find(fits).ok_or_else(|| {
-        Error::invalid(
-            "",
-            format!("centres up to {extent:.3e} units from the origin; SPZ holds coordinates up to 524,287: use other units"),
-        )
+        invalid!("", "centres up to {extent:.3e} units from the origin; SPZ holds coordinates up to 524,287: use other units")
     })?;
     let mut streams: [Vec<u8>; super::NUM_STREAMS] = Default::default();
     let mut summary = SpzSummary::default();
@@ -115,7 +100,7 @@ fn file(
     streams: &[Vec<u8>; 6],
 ) -> Result<Vec<u8>> {
     let meta = serde_json::to_vec(&meta(asset, options.cameras));
-    let meta = meta.map_err(|e| Error::invalid("", format!("metadata: {e}")))?;
+    let meta = meta.map_err(|e| invalid!("", "metadata: {e}"))?;
     let mut header = Vec::new();
     for word in [MAGIC, options.version.number(), asset.num_splats() as u32] {
         header.extend(word.to_le_bytes());

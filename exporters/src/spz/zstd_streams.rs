@@ -31,7 +31,7 @@ pub fn pack(header: &[u8], streams: &[Vec<u8>], meta: &[u8]) -> Result<Vec<u8>> 
     bytes.extend(meta);
     let compress = |stream: &&Vec<u8>| zstd::bulk::compress(stream, ZSTD_LEVEL);
     let compressed: std::io::Result<Vec<Vec<u8>>> = streams.iter().map(compress).collect();
-    let compressed = compressed.map_err(|e| Error::invalid("", format!("zstd: {e}")))?;
+    let compressed = compressed.map_err(|e| invalid!("", "zstd: {e}"))?;
     for (stream, packed) in streams.iter().zip(&compressed) {
         bytes.extend((packed.len() as u64).to_le_bytes());
         bytes.extend((stream.len() as u64).to_le_bytes());
@@ -47,23 +47,21 @@ pub fn pack(header: &[u8], streams: &[Vec<u8>], meta: &[u8]) -> Result<Vec<u8>> 
 pub fn unpack(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<Container> {
     let header = Header::parse(bytes, path)?;
     if header.version < 4 {
-        let what = format!("SPZ version {} that is not within gzip", header.version);
-        return Err(Error::unsupported(path, what));
+        return Err(unsupported!(path, "SPZ version {} that is not within gzip", header.version));
     }
     let toc = word(bytes, 16).filter(|_| bytes.len() >= HEADER_BYTES);
-    let toc = toc.ok_or_else(|| {
-        Error::invalid(path, format!("{} bytes, the header of an SPZ file has 32", bytes.len()))
-    })? as usize;
+    let toc = toc.ok_or_else(|| invalid!(path, "{} bytes, the header of an SPZ file has 32", bytes.len()))?
+        as usize;
     let expected = NUM_STREAMS - usize::from(header.sh_degree == 0);
     if usize::from(header.last) < expected {
-        return Err(Error::invalid(path, format!("{} streams, expected {expected}", header.last)));
+        return Err(invalid!(path, "{} streams, expected {expected}", header.last));
     }
     let sizes = header.sizes(bytes.len(), path, limits)?;
     let mut at = toc.saturating_add(usize::from(header.last) * TOC_ENTRY_BYTES);
     let mut streams = Vec::new();
     // Files without SH may have an empty sixth stream.
     for (i, (&expected, name)) in sizes.iter().zip(NAMES).enumerate().take(expected) {
-        let offence = |what: String| Error::invalid(path, format!("stream {name:?}: {what}"));
+        let offence = |what: String| invalid!(path, "stream {name:?}: {what}");
         let entry = toc.saturating_add(i * TOC_ENTRY_BYTES);
         let entry = bytes.get(entry..entry.saturating_add(TOC_ENTRY_BYTES));
         let entry = entry.ok_or_else(|| offence("its sizes lie beyond the end of the file".to_owned()))?;

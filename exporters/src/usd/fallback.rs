@@ -10,7 +10,7 @@ use crate::fallback::ellipsoid;
 use crate::files::limits::room_for_splats;
 use crate::format::contents::Issues;
 use crate::math::yup;
-use crate::{Error, ReadLimits, Result, SplatAsset, num_sh_coefficients};
+use crate::{ReadLimits, Result, SplatAsset, num_sh_coefficients};
 use std::path::Path;
 
 /// Reads what a program that supports only `ParticleField3DGaussianSplat` shows of a file: its ellipsoids as discs along
@@ -43,7 +43,7 @@ fn flattened(path: &Path, prim: &Prim, limits: &ReadLimits) -> Result<SplatAsset
     let opacities = field.floats(OPACITIES, Form::One, n)?;
     for (splat, ((&q, &scales), &opacity)) in rotations.iter().zip(scales).zip(opacities).enumerate() {
         let pushed = ellipsoid::push(&mut asset, q, scales, opacity);
-        pushed.map_err(|what| Error::invalid(path, format!("particle {splat}: {what}")))?;
+        pushed.map_err(|what| invalid!(path, "particle {splat}: {what}"))?;
     }
     let num_coefficients = num_sh_coefficients(degree);
     let sh = field.floats(SH_COEFFICIENTS, Form::Vec3, n * num_coefficients)?;

@@ -24,7 +24,7 @@ impl Field<'_> {
             None => "missing",
             Some(_) => "of another type or length",
         };
-        Err(Error::invalid(self.path, format!("{name}: {found}, expected {expected}")))
+        Err(invalid!(self.path, "{name}: {found}, expected {expected}"))
     }
 
     pub(super) fn floats(&self, name: &str, form: Form, count: usize) -> Result<&[f32]> {
@@ -65,7 +65,7 @@ impl Field<'_> {
         let positions = values.as_chunks::<3>().0;
         let n = positions.len();
         if n > SPLATS_MAX {
-            return Err(Error::too_large(self.path, format!("{n} splats, at most {SPLATS_MAX}")));
+            return Err(too_large!(self.path, "{n} splats, at most {SPLATS_MAX}"));
         }
         limits.check(splat_bytes(degree) * n as u64, &format!("{n} splats"), self.path)?;
         Ok((positions, degree))
@@ -75,8 +75,7 @@ impl Field<'_> {
     pub(super) fn store(&self, asset: &mut SplatAsset, limits: &ReadLimits) -> Result<()> {
         let version = self.int(LITETEX_VERSION)?;
         if version != VERSION {
-            let what = format!("{LITETEX_VERSION} {version}; supported: {VERSION}");
-            return Err(Error::unsupported(self.path, what));
+            return Err(unsupported!(self.path, "{LITETEX_VERSION} {version}; supported: {VERSION}"));
         }
         let (positions, degree) = self.splats(limits)?;
         let n = positions.len();
@@ -113,7 +112,7 @@ impl Field<'_> {
             return crate::files::limits::filled(n, most as u8).map_err(|e| e.at(self.path));
         }
         let degrees = self.ints(OWN_SH_DEGREE, Form::One, n)?.iter().map(|&degree| u8::try_from(degree));
-        let what = |_| Error::invalid(self.path, format!("{OWN_SH_DEGREE}: not all are 0 to {most}"));
+        let what = |_| invalid!(self.path, "{OWN_SH_DEGREE}: not all are 0 to {most}");
         degrees.collect::<Result<_, _>>().map_err(what)
     }
 
@@ -127,16 +126,13 @@ impl Field<'_> {
         for (splat, (&[_, _, cols, rows], &texel_sizes)) in rects.iter().zip(texel_sizes).enumerate() {
             let sides = [rows, cols].map(u16::try_from);
             let (Ok(rows), Ok(cols), true) = (sides[0], sides[1], (rows == 0) == (cols == 0)) else {
-                return Err(Error::invalid(
-                    self.path,
-                    format!("{RECT} of splat {splat}: {rows} x {cols} texels"),
-                ));
+                return Err(invalid!(self.path, "{RECT} of splat {splat}: {rows} x {cols} texels"));
             };
             let offset_texels = u32::try_from(offset)
-                .map_err(|_| Error::too_large(self.path, format!("{offset} texels, at most {}", u32::MAX)))?;
+                .map_err(|_| too_large!(self.path, "{offset} texels, at most {}", u32::MAX))?;
             let [Ok(shift_u), Ok(shift_v)] = shifts.next().copied().unwrap_or_default().map(i16::try_from)
             else {
-                return Err(Error::invalid(self.path, format!("{SHIFT} of splat {splat}: beyond 16 bits")));
+                return Err(invalid!(self.path, "{SHIFT} of splat {splat}: beyond 16 bits"));
             };
             maps.push(AssetMap { offset_texels, rows, cols, texel_sizes, shift: [shift_u, shift_v] });
             offset += u64::from(rows) * u64::from(cols);
@@ -179,7 +175,7 @@ impl Field<'_> {
         };
         let pages = values.as_chunks::<2>().0;
         if pages.len() > PAGES_MAX {
-            return Err(Error::too_large(self.path, format!("{} pages, at most {PAGES_MAX}", pages.len())));
+            return Err(too_large!(self.path, "{} pages, at most {PAGES_MAX}", pages.len()));
         }
         let side = |s: i32| u16::try_from(s).ok().filter(|s| (1..=PAGE_SIDE_MAX).contains(s));
         let mut sizes = Vec::new();

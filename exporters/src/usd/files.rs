@@ -99,10 +99,7 @@ impl Container {
             "usda" => Ok(Self::Text),
             "usdc" => Ok(Self::Binary),
             "usdz" => Ok(Self::Package),
-            other => {
-                let what = format!("extension {other:?}; supported: usda, usdc, usdz");
-                Err(Error::unsupported(path, what))
-            }
+            other => Err(unsupported!(path, "extension {other:?}; supported: usda, usdc, usdz")),
         }
     }
 }

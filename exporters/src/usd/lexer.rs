@@ -30,13 +30,13 @@ impl<'a> Lexer<'a> {
 
     /// An [`Error::Invalid`] with the line: the text breaks the grammar.
     pub(super) fn invalid(&self, what: impl std::fmt::Display) -> Error {
-        Error::invalid(self.path, format!("line {}: {what}", self.line_number()))
+        invalid!(self.path, "line {}: {what}", self.line_number())
     }
 
     /// An [`Error::Unsupported`] with the line: other programs may write this, ours does not.
     pub(super) fn unsupported(&self, what: impl std::fmt::Display) -> Error {
         let line = self.line_number();
-        Error::unsupported(self.path, format!("line {line}: {what}, which files of this program do not have"))
+        unsupported!(self.path, "line {line}: {what}, which files of this program do not have")
     }
 
     fn line_number(&self) -> usize {

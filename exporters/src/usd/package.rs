@@ -1,6 +1,6 @@
 //! Packages (`.usdz`): zip archives whose entries are stored uncompressed, each at a multiple of 64 bytes.
 
-use crate::{Error, ReadLimits, Result, quoted};
+use crate::{ReadLimits, Result, quoted};
 use std::io::{Cursor, Read, Write};
 use std::path::Path;
 use zip::write::SimpleFileOptions;
@@ -21,9 +21,9 @@ pub(super) struct Entry {
 /// Encodes a package; the first entry is its root layer. Equal entries make equal bytes, because times are fixed.
 ///
 /// # Errors
-/// [`Error::Invalid`] with the message of the zip writer.
+/// [`crate::Error::Invalid`] with the message of the zip writer.
 pub(super) fn package_from_entries(entries: Vec<Entry>) -> Result<Vec<u8>> {
-    let failed = |what: String| Error::invalid("", format!("package: {what}"));
+    let failed = |what: String| invalid!("", "package: {what}");
     // With room for alignment and directory.
     let room = entries.iter().map(|e| e.bytes.len() + 2 * e.name.len() + 512).sum();
     let mut writer = ZipWriter::new(Cursor::new(Vec::with_capacity(room)));
@@ -43,13 +43,13 @@ pub(super) fn package_from_entries(entries: Vec<Entry>) -> Result<Vec<u8>> {
 /// Decodes the entries of a package; `path` is only for messages.
 ///
 /// # Errors
-/// [`Error::Invalid`] if it is damaged or breaks the rules of packages, [`Error::TooLarge`].
+/// [`crate::Error::Invalid`] if it is damaged or breaks the rules of packages, [`crate::Error::TooLarge`].
 pub(super) fn entries_from_package(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<Vec<Entry>> {
-    let damaged = |what: String| Error::invalid(path, format!("package: {what}"));
+    let damaged = |what: String| invalid!(path, "package: {what}");
     check_directory(bytes, path)?;
     let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(|e| damaged(e.to_string()))?;
     if archive.len() > ENTRIES_MAX {
-        return Err(Error::too_large(path, format!("{} entries, at most {ENTRIES_MAX}", archive.len())));
+        return Err(too_large!(path, "{} entries, at most {ENTRIES_MAX}", archive.len()));
     }
     let mut entries = Vec::new();
     let mut total = 0_u64;
@@ -101,7 +101,7 @@ fn check_directory(bytes: &[u8], path: &Path) -> Result<()> {
         let locator = at.checked_sub(LOCATOR_BYTES).and_then(|at| bytes.get(at..));
         let has_locator = !is_large && locator.is_some_and(|b| b.starts_with(&LOCATOR));
         if (usize::from(count) > ENTRIES_MAX && !is_large) || has_locator {
-            return Err(Error::too_large(path, format!("a package of more than {ENTRIES_MAX} entries")));
+            return Err(too_large!(path, "a package of more than {ENTRIES_MAX} entries"));
         }
     }
     Ok(())

@@ -67,7 +67,7 @@ impl<'a> Opened<'a> {
             Container::Text | Container::Binary => (None, Cow::Borrowed(bytes.as_slice())),
         };
         let (layer, table_bytes, value_bytes) = if container == Container::Text {
-            let text = std::str::from_utf8(&root).map_err(|e| Error::invalid(path, format!("text: {e}")))?;
+            let text = std::str::from_utf8(&root).map_err(|e| invalid!(path, "text: {e}"))?;
             let TextLayer { layer, value_bytes } = layer_from_text(text, path, limits.decoded_bytes)?;
             (layer, None, value_bytes)
         } else {
@@ -112,10 +112,10 @@ impl<'a> Opened<'a> {
     fn json<T: DeserializeOwned>(&self, name: &str) -> Result<Option<T>> {
         let Some(text) = self.fact(name) else { return Ok(None) };
         if text.len() > META_BYTES_MAX {
-            return Err(Error::too_large(self.path, format!("{name} of {} bytes", text.len())));
+            return Err(too_large!(self.path, "{name} of {} bytes", text.len()));
         }
         let value = serde_json::from_str(text);
-        value.map(Some).map_err(|e| Error::invalid(self.path, format!("litetex:{name}: {e}")))
+        value.map(Some).map_err(|e| invalid!(self.path, "litetex:{name}: {e}"))
     }
 
     /// Step between codes of texels; 0 for floats.
@@ -130,7 +130,7 @@ impl<'a> Opened<'a> {
     /// # Errors
     /// [`Error::Invalid`], [`Error::TooLarge`] and [`Error::Io`], naming the image.
     pub(super) fn image(&self, asset_path: &str, bytes_max: u64) -> Result<Cow<'_, [u8]>> {
-        let invalid = |what: &str| Error::invalid(self.path, format!("{}: {what}", page_named(asset_path)));
+        let invalid = |what: &str| invalid!(self.path, "{}: {what}", page_named(asset_path));
         let plain = asset_path.strip_prefix("./").unwrap_or(asset_path);
         if !is_plain_path(plain) {
             return Err(invalid(
@@ -166,10 +166,7 @@ impl<'a> Opened<'a> {
         let field =
             prims.iter().find(|(_, p)| p.type_name == FIELD_TYPE && p.property(LITETEX_VERSION).is_some());
         let (_, field) = field.ok_or_else(|| {
-            Error::unsupported(
-                self.path,
-                format!("no {FIELD_TYPE} with {LITETEX_VERSION}: no textured splats"),
-            )
+            unsupported!(self.path, "no {FIELD_TYPE} with {LITETEX_VERSION}: no textured splats")
         })?;
         Field { path: self.path, prim: field }.store(&mut asset, &limits.of_file(self.file_bytes))?;
         let texture_bytes = self.texels(field, &prims, &mut asset, limits)?;

@@ -58,7 +58,7 @@ fn variant(name: &str, children: Vec<Prim>) -> Prim {
 
 /// Our dictionary of facts, sorted by name as other programs sort them.
 fn custom_data(asset: &SplatAsset, quality: Quality, hash: u64, sidecars: &SidecarHashes) -> Result<Value> {
-    let failed = |e| Error::invalid("", format!("metadata: {e}"));
+    let failed = |e| invalid!("", "metadata: {e}");
     let meta = serde_json::to_string(&Meta::of(asset)).map_err(failed)?;
     let sidecars =
         (!sidecars.is_empty()).then(|| serde_json::to_string(sidecars)).transpose().map_err(failed)?;
@@ -84,10 +84,7 @@ fn custom_data(asset: &SplatAsset, quality: Quality, hash: u64, sidecars: &Sidec
     let before = entries.partition_point(|(name, _)| *name < SIDECARS);
     entries.splice(before..before, sidecars.map(|text| (SIDECARS, Value::string(&text))));
     if let Some((name, _)) = entries.iter().find(|(_, v)| v.as_text().is_some_and(|t| t.contains('\0'))) {
-        return Err(Error::invalid(
-            "",
-            format!("{name}: a text with a zero character, which USD cannot hold"),
-        ));
+        return Err(invalid!("", "{name}: a text with a zero character, which USD cannot hold"));
     }
     let entries = entries.into_iter().map(|(name, value)| (name.to_owned(), value)).collect();
     Ok(Value::Dictionary(vec![(LITETEX.to_owned(), Value::Dictionary(entries))]))

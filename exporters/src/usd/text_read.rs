@@ -41,7 +41,7 @@ pub(super) fn layer_from_text(text: &str, path: &Path, budget_bytes: u64) -> Res
                     format!("version {} of the text format; supported: 1.0", quoted(version.trim_end()));
                 Error::unsupported(path, what)
             }
-            None => Error::invalid(path, format!("does not begin with the line {MAGIC:?}")),
+            None => invalid!(path, "does not begin with the line {MAGIC:?}"),
         });
     }
     let lexer = Lexer::new(&text[MAGIC.len()..], path, budget_bytes);

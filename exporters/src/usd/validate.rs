@@ -208,18 +208,12 @@ fn check_lengths(place: &str, prim: &Prim, issues: &mut Issues) {
         match length(prim.value(name)) {
             None => issues.error("LT2002", place, format!("no array {name}")),
             Some(found) if found < expected => {
-                issues.error(
-                    "LT2002",
-                    place,
-                    format!("{name}: {found} elements for {n} particles, expected {expected}"),
-                );
+                let what = format!("{name}: {found} elements for {n} particles, expected {expected}");
+                issues.error("LT2002", place, what);
             }
             Some(found) if found > expected => {
-                issues.warning(
-                    "LT2002",
-                    place,
-                    format!("{name}: {found} elements, {expected} of them are used"),
-                );
+                let what = format!("{name}: {found} elements, {expected} of them are used");
+                issues.warning("LT2002", place, what);
             }
             Some(_) => {}
         }
@@ -238,11 +232,8 @@ fn check_ranges(place: &str, prim: &Prim, issues: &mut Issues) {
     let quaternions = floats(prim, ORIENTATIONS, Form::Quaternion).as_chunks::<4>().0;
     let is_unit = |q: &[f32; 4]| (quaternion::norm(q.map(f64::from)) - 1.0).abs() <= 1e-5;
     if let Some(i) = quaternions.iter().position(|q| !is_unit(q)) {
-        issues.error(
-            "LT2011",
-            place,
-            format!("{ORIENTATIONS}[{i}]: {:?} is not a unit quaternion", quaternions[i]),
-        );
+        let what = format!("{ORIENTATIONS}[{i}]: {:?} is not a unit quaternion", quaternions[i]);
+        issues.error("LT2011", place, what);
     }
     let opacities = floats(prim, OPACITIES, Form::One);
     if let Some(i) = opacities.iter().position(|o| !(0.0..=1.0).contains(o)) {

@@ -78,21 +78,18 @@ fn find_model(root: &Path, report: &mut Report) -> Option<PathBuf> {
             let counts: Vec<u64> = models.iter().map(|m| num_images(m)).collect();
             // The first one with the most images.
             let best = (0..models.len()).rev().max_by_key(|&i| counts[i]).unwrap_or(0);
-            report.warn(
-                "several-sub-models",
-                models.len() - 1,
-                format!(
-                    "{} sparse models; using {}, which has the most images ({}); ignoring {}",
-                    models.len(),
-                    models[best].display(),
-                    counts[best],
-                    (0..models.len())
-                        .filter(|&i| i != best)
-                        .map(|i| format!("{} ({})", models[i].display(), counts[i]))
-                        .collect::<Vec<_>>()
-                        .join(", ")
-                ),
+            let what = format!(
+                "{} sparse models; using {}, which has the most images ({}); ignoring {}",
+                models.len(),
+                models[best].display(),
+                counts[best],
+                (0..models.len())
+                    .filter(|&i| i != best)
+                    .map(|i| format!("{} ({})", models[i].display(), counts[i]))
+                    .collect::<Vec<_>>()
+                    .join(", ")
             );
+            report.warn("several-sub-models", models.len() - 1, what);
             return Some(models.swap_remove(best));
         }
         if let Some(found) = models.pop() {
@@ -120,18 +117,14 @@ fn num_images(folder: &Path) -> u64 {
 fn read_sparse(folder: &Path, report: &mut Report) -> Result<ColmapSparse> {
     let is_binary = |p: &Path| p.extension().is_some_and(|e| e == "bin");
     let required = |stem: &str| {
-        part(folder, stem)
-            .ok_or_else(|| Error::invalid(folder, format!("neither \"{stem}.bin\" nor \"{stem}.txt\" here")))
+        part(folder, stem).ok_or_else(|| invalid!(folder, "neither \"{stem}.bin\" nor \"{stem}.txt\" here"))
     };
     let cameras = required("cameras")?;
     let images = required("images")?;
     let points = part(folder, "points3D");
     if points.is_none() {
-        report.warn(
-            "no-points-file",
-            1,
-            format!("{}: no points3D file: the capture has no points", folder.display()),
-        );
+        let what = format!("{}: no points3D file: the capture has no points", folder.display());
+        report.warn("no-points-file", 1, what);
     }
     Ok(ColmapSparse {
         cameras: if is_binary(&cameras) {
@@ -165,11 +158,9 @@ fn read(folder: &Path) -> Result<Source> {
         views.push(view(folder, image, &lenses, &point_index, &mut lost)?);
     }
     if lost > 0 && !sparse.points.is_empty() {
-        report.warn(
-            "observations-without-point",
-            lost,
-            format!("{}: {lost} observations refer to points that are not in the model", folder.display()),
-        );
+        let what =
+            format!("{}: {lost} observations refer to points that are not in the model", folder.display());
+        report.warn("observations-without-point", lost, what);
     }
     let errors = sparse.points.iter().map(|p| p.error_px);
     let (sum, count) =
@@ -192,7 +183,7 @@ fn lenses(folder: &Path, cameras: &[ColmapCamera]) -> Result<HashMap<u32, Lens>>
     for camera in cameras {
         let lens = lens(camera).map_err(|what| Error::invalid(folder, what))?;
         if lenses.insert(camera.id, lens).is_some() {
-            return Err(Error::invalid(folder, format!("camera {} occurs twice", camera.id)));
+            return Err(invalid!(folder, "camera {} occurs twice", camera.id));
         }
     }
     Ok(lenses)
@@ -260,9 +251,7 @@ fn view(
     point_index: &HashMap<u64, u32>,
     lost: &mut usize,
 ) -> Result<SourceView> {
-    let invalid = |what: String| {
-        Error::invalid(folder, format!("image {} ({}): {what}", image.id, quoted(&image.name)))
-    };
+    let invalid = |what: String| invalid!(folder, "image {} ({}): {what}", image.id, quoted(&image.name));
     if image.name.is_empty() {
         return Err(invalid("its name is empty".to_owned()));
     }

@@ -1,7 +1,7 @@
 //! The contents of a COLMAP sparse model as stored, whatever the encoding, and COLMAP's camera models.
 
+use crate::Result;
 use crate::text::quoted;
-use crate::{Error, Result};
 use std::path::Path;
 
 /// A camera, its parameters in COLMAP's order.
@@ -109,13 +109,11 @@ impl ColmapModel {
             Some(m) if m.supported => Ok(m),
             found => {
                 let known = found.map_or(String::new(), |m| format!(" ({})", m.name));
-                Err(Error::unsupported(
+                Err(unsupported!(
                     path,
-                    format!(
-                        "camera {camera_id} has the camera model {shown}{known}; supported: {}; {}",
-                        supported_models(),
-                        remedy(found)
-                    ),
+                    "camera {camera_id} has the camera model {shown}{known}; supported: {}; {}",
+                    supported_models(),
+                    remedy(found)
                 ))
             }
         }

@@ -21,7 +21,7 @@ impl<'a> Fields<'a> {
     }
 
     fn invalid(&self, what: impl std::fmt::Display) -> Error {
-        Error::invalid(self.path, format!("line {}: {what}", self.line_number))
+        invalid!(self.path, "line {}: {what}", self.line_number)
     }
 
     fn word(&mut self) -> Option<&'a str> {

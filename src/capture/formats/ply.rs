@@ -6,42 +6,8 @@ use crate::text::quoted;
 use crate::views::SfmPoint;
 use crate::{Error, Result};
 use glam::DVec3;
-use litetex_exporters::ply::Scalar;
+use litetex_exporters::ply::{Element, Encoding, Header, Kind, Property, Scalar};
 use std::path::Path;
-
-#[derive(Debug)]
-enum Kind {
-    Scalar(Scalar),
-    List { count: Scalar, item: Scalar },
-}
-
-#[derive(Debug)]
-struct Property {
-    name: String,
-    kind: Kind,
-}
-
-#[derive(Debug)]
-struct Element {
-    name: String,
-    count: usize,
-    properties: Vec<Property>,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Encoding {
-    Ascii,
-    Little,
-    Big,
-}
-
-#[derive(Debug)]
-struct Header {
-    encoding: Encoding,
-    elements: Vec<Element>,
-    /// Bytes of the header, after which the data begin.
-    length: usize,
-}
 
 /// A cursor over the values, in any encoding.
 struct Values<'a> {
@@ -70,7 +36,7 @@ impl<'a> Values<'a> {
         self.at += size;
         let mut bytes = [0; 8];
         bytes[..size].copy_from_slice(stored);
-        if self.encoding == Encoding::Big {
+        if self.encoding == Encoding::BinaryBigEndian {
             bytes[..size].reverse();
         }
         scalar.read(&bytes)
@@ -98,8 +64,8 @@ impl<'a> Values<'a> {
 /// [`Error::InvalidInput`] naming the line of the header or the vertex; [`Error::Io`].
 pub fn read_points(path: &Path) -> Result<Vec<SfmPoint>> {
     let data = read_file(path)?;
-    let header = read_header(path, &data)?;
-    let mut values = Values { encoding: header.encoding, data: &data[header.length..], at: 0 };
+    let header = Header::parse(&data, path)?;
+    let mut values = Values { encoding: header.encoding, data: &data[header.num_bytes..], at: 0 };
     for element in &header.elements {
         if element.name == "vertex" {
             return read_vertices(path, element, &mut values);
@@ -116,14 +82,12 @@ pub fn read_points(path: &Path) -> Result<Vec<SfmPoint>> {
 }
 
 fn damaged(path: &Path, element: &Element, index: usize) -> Error {
-    Error::invalid(
+    invalid!(
         path,
-        format!(
-            "{} {} of {}: the file ends here or has no number where one was expected; copy it again",
-            quoted(&element.name),
-            index + 1,
-            element.count
-        ),
+        "{} {} of {}: the file ends here or has no number where one was expected; copy it again",
+        quoted(&element.name),
+        index + 1,
+        element.count
     )
 }
 
@@ -161,61 +125,6 @@ fn channel(value: f64, kind: &Kind) -> u8 {
         _ => value,
     };
     scaled.round().clamp(0.0, 255.0) as u8
-}
-
-fn read_header(path: &Path, data: &[u8]) -> Result<Header> {
-    let mut header = Header { encoding: Encoding::Ascii, elements: Vec::new(), length: 0 };
-    let mut has_format = false;
-    for (index, line) in data.split_inclusive(|&b| b == b'\n').enumerate() {
-        header.length += line.len();
-        let line = String::from_utf8_lossy(line);
-        let line = line.trim();
-        let invalid =
-            |what: &str| Error::invalid(path, format!("header line {} {}: {what}", index + 1, quoted(line)));
-        if index == 0 {
-            if line != "ply" {
-                return Err(Error::invalid(path, "not a PLY file: the first line is not \"ply\""));
-            }
-            continue;
-        }
-        let words: Vec<&str> = line.split_whitespace().collect();
-        match words[..] {
-            [] | ["comment" | "obj_info", ..] => {}
-            ["format", name, _] => {
-                has_format = true;
-                header.encoding = match name {
-                    "ascii" => Encoding::Ascii,
-                    "binary_little_endian" => Encoding::Little,
-                    "binary_big_endian" => Encoding::Big,
-                    _ => return Err(invalid("unknown format")),
-                };
-            }
-            ["element", name, count] => header.elements.push(Element {
-                name: name.to_owned(),
-                count: count.parse().map_err(|_| invalid("the count is not a number"))?,
-                properties: Vec::new(),
-            }),
-            ["property", ref property @ ..] => {
-                let property = parse_property(property).ok_or_else(|| invalid("unknown property type"))?;
-                let element = header.elements.last_mut();
-                element.ok_or_else(|| invalid("no element before it"))?.properties.push(property);
-            }
-            ["end_header"] if has_format => return Ok(header),
-            _ => return Err(invalid("not understood")),
-        }
-    }
-    Err(Error::invalid(path, "the file ends inside its header; copy the file again"))
-}
-
-fn parse_property(words: &[&str]) -> Option<Property> {
-    let (kind, name) = match *words {
-        ["list", count, item, name] => {
-            (Kind::List { count: Scalar::parse(count)?, item: Scalar::parse(item)? }, name)
-        }
-        [scalar, name] => (Kind::Scalar(Scalar::parse(scalar)?), name),
-        _ => return None,
-    };
-    Some(Property { name: name.to_owned(), kind })
 }
 
 #[cfg(test)]

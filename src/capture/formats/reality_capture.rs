@@ -71,7 +71,7 @@ struct Row<'a> {
 
 impl Row<'_> {
     fn invalid(&self, what: impl std::fmt::Display) -> Error {
-        Error::invalid(self.path, format!("line {}: {what}", self.line_number))
+        invalid!(self.path, "line {}: {what}", self.line_number)
     }
 
     fn text(&self, column: &str) -> Option<&str> {
@@ -134,14 +134,11 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
         });
     }
     if columns.is_none() {
-        return Err(Error::invalid(path, format!("no header with the columns {}", REQUIRED.join(", "))));
+        return Err(invalid!(path, "no header with the columns {}", REQUIRED.join(", ")));
     }
     if num_k4 > 0 {
-        source.report.warn(
-            "lens-term-dropped",
-            num_k4,
-            format!("{}: k4 (r^8) of {num_k4} lenses is not supported and ignored", path.display()),
-        );
+        let what = format!("{}: k4 (r^8) of {num_k4} lenses is not supported and ignored", path.display());
+        source.report.warn("lens-term-dropped", num_k4, what);
     }
     Ok(source)
 }

@@ -11,7 +11,7 @@ use crate::capture::pose_format::{Found, PoseFormat};
 use crate::capture::source::{Source, SourceView, checked_pose};
 use crate::text::quoted;
 use crate::views::Split;
-use crate::{Error, Report, Result};
+use crate::{Report, Result};
 use glam::{DMat3, DVec3};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -103,13 +103,12 @@ fn read(files: &[(PathBuf, Option<Split>)], folder: &CaptureFolder) -> Result<So
 }
 
 fn read_one(path: &Path, split: Option<Split>, folder: &CaptureFolder, source: &mut Source) -> Result<()> {
-    let file: File = serde_json::from_str(&read_text(path)?).map_err(|e| {
-        Error::invalid(path, format!("{e}; expected the JSON of nerfstudio, instant-ngp or Blender"))
-    })?;
+    let file: File = serde_json::from_str(&read_text(path)?)
+        .map_err(|e| invalid!(path, "{e}; expected the JSON of nerfstudio, instant-ngp or Blender"))?;
     for (index, frame) in file.frames.iter().enumerate() {
         let element = format!("frames[{index}] ({})", quoted(&frame.file_path));
-        let camera_from_capture = pose(&frame.transform_matrix)
-            .map_err(|e| Error::invalid(path, format!("{element}: transform_matrix: {e}")))?;
+        let camera_from_capture =
+            pose(&frame.transform_matrix).map_err(|e| invalid!(path, "{element}: transform_matrix: {e}"))?;
         let Some(photo) = find_photo(folder, &frame.file_path)? else {
             source.without_photo.push(frame.file_path.clone());
             continue;
@@ -117,10 +116,7 @@ fn read_one(path: &Path, split: Option<Split>, folder: &CaptureFolder, source: &
         let intrinsics = frame.intrinsics.or(&file.intrinsics);
         let lens = intrinsics.lens(path, &element, &photo)?;
         let listed = file.test_filenames.as_ref().map(|names| {
-            match names.iter().any(|n| plain(n) == plain(&frame.file_path)) {
-                true => Split::Test,
-                false => Split::Train,
-            }
+            if names.iter().any(|n| plain(n) == plain(&frame.file_path)) { Split::Test } else { Split::Train }
         });
         source.views.push(SourceView {
             name: name(&folder.root, &frame.file_path, &photo),
@@ -225,7 +221,7 @@ impl Intrinsics {
     }
 
     fn lens(&self, path: &Path, element: &str, photo: &Path) -> Result<Lens> {
-        let invalid = |what: String| Error::invalid(path, format!("{element}: {what}"));
+        let invalid = |what: String| invalid!(path, "{element}: {what}");
         let (width_px, height_px) = match (self.w, self.h) {
             (Some(w), Some(h)) => {
                 let whole = |v: f64| ((1.0..=1e6).contains(&v) && v.fract() == 0.0).then_some(v as u32);
@@ -269,13 +265,11 @@ impl Intrinsics {
             Some("SIMPLE_PINHOLE" | "PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "OPENCV" | "FULL_OPENCV")
             | None => {}
             Some(other) => {
-                return Err(Error::unsupported(
+                return Err(unsupported!(
                     path,
-                    format!(
-                        "{element}: camera_model {}; supported: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, \
+                    "{element}: camera_model {}; supported: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, \
                          OPENCV, FULL_OPENCV, OPENCV_FISHEYE; undistort the photos with another tool",
-                        quoted(other)
-                    ),
+                    quoted(other)
                 ));
             }
         }

@@ -25,7 +25,7 @@ pub fn count<'a>(
 ) -> Result<Option<CountFigures>> {
     let mut bench = BenchRun { backend, next: 1, request, deadline: Deadline::new(None), step_secs: 0.0 };
     bench.restart(model, counting(hardware_kernels))?;
-    bench.count(model, steps, hardware_kernels)
+    bench.count(model, steps, hardware_kernels, 1.0)
 }
 
 /// Options that count everything, one step per submission.
@@ -40,21 +40,20 @@ fn counting(hardware_kernels: bool) -> GpuOptions {
 }
 
 impl BenchRun<'_, '_> {
-    /// Counts at most `steps` steps, as far as time allows.
+    /// Counts at most `steps` steps, as far as a share of the time left allows.
     pub(super) fn count(
         &mut self,
         model: &Model,
         steps: u32,
         hardware_kernels: bool,
+        share: f64,
     ) -> Result<Option<CountFigures>> {
-        if steps == 0 || !self.deadline.allows(self.step_secs) {
-            return Ok(None);
-        }
+        let deadline = self.deadline.share(share);
         self.backend.set_options(counting(hardware_kernels))?;
         let (mut sum, mut counts) = (RasterCounters::default(), TrafficCounts::default());
         let mut before = self.backend.read_back()?.1.last_step;
         let mut counted = 0;
-        while counted < steps && (counted == 0 || self.deadline.allows(self.step_secs)) {
+        while counted < steps && deadline.allows(self.step_secs) {
             counted += 1;
             let (step, camera) = (self.next, (self.request)(self.next).camera);
             let report = self.run(1)?.pop().unwrap_or_default();
@@ -77,6 +76,9 @@ impl BenchRun<'_, '_> {
             counts.tiles += f64::from(cols * rows);
             counts.tile_passes += f64::from(num_tile_passes(cols * rows));
             before = after;
+        }
+        if counted == 0 {
+            return Ok(None);
         }
         let mean = |total: f64| total / f64::from(counted);
         let counts = TrafficCounts {

@@ -1,12 +1,10 @@
 //! The measurements of `litetex-lab bench-kernels`: counts by the kernels themselves, times by the device's and the
 //! wall clock, and bytes by the model of [`Traffic`].
 
-mod budget;
 pub mod count;
 mod sort;
 mod traffic;
 
-pub use budget::Deadline;
 pub use sort::{SortThroughput, sort_throughput};
 pub use traffic::{Traffic, TrafficCounts, TrafficItem, TrafficShare};
 
@@ -17,10 +15,9 @@ use crate::Result;
 use crate::backend::{Backend as _, StepReport, StepRequest};
 use crate::clock::process_cpu_secs;
 use crate::model::{AdamState, Model, SplatGroup};
-use budget::Repetitions;
 use serde::Serialize;
 use std::collections::BTreeMap;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Steps for counting pairs, and for timing each variant.
 const FEW_STEPS: u32 = 4;
@@ -30,6 +27,32 @@ const REPEATED_STEPS: u32 = 8;
 const SLOW_STEP_SECS: f64 = 0.1;
 /// Largest share of the available time that the warm-up may take.
 const WARM_UP_SHARE: f64 = 0.1;
+
+/// End of the available time, if it is limited.
+#[derive(Clone, Copy, Debug)]
+pub struct Deadline(Option<Instant>);
+
+impl Deadline {
+    /// A deadline at `end`; `None` for unlimited time.
+    pub fn new(end: Option<Instant>) -> Self {
+        Self(end)
+    }
+
+    /// Time left; `None` if it is unlimited.
+    pub fn left(self) -> Option<Duration> {
+        self.0.map(|end| end.saturating_duration_since(Instant::now()))
+    }
+
+    /// Whether work of `secs` seconds ends before the deadline.
+    pub fn allows(self, secs: f64) -> bool {
+        self.left().is_none_or(|left| left.as_secs_f64() >= secs)
+    }
+
+    /// The end of a share of the time left.
+    fn share(self, share: f64) -> Self {
+        Self(self.left().map(|left| Instant::now() + left.mul_f64(share)))
+    }
+}
 
 /// A device and its limits.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -229,38 +252,44 @@ struct BenchRun<'a, 'b> {
 }
 
 impl BenchRun<'_, '_> {
-    /// All measurements after the first step.
+    /// All measurements after the first step, by importance, each in a share of the time that is left for it and the others.
     fn steps(&mut self, model: &Model, steps: u32, views: u32) -> Result<StepFigures> {
-        self.run_until_deadline(warm_up_steps(views, self.deadline.fitting(self.step_secs)))?;
-        let wanted = Repetitions {
-            steps,
-            timed: steps,
-            counted: FEW_STEPS,
-            repeated: REPEATED_STEPS,
-            variants: FEW_STEPS,
-        };
-        let planned = Repetitions::planned(wanted, self.deadline.fitting(self.step_secs));
+        // At least one, even for a single view: the first step may have compiled kernels, and does not predict the time of
+        // others.
+        self.run_within(WARM_UP_SHARE, 1, views.max(2) - 1)?;
         // Fixed from here on, so that all parts, and repeated measurements, do the same work.
         let plain = GpuOptions { batch_steps: Some(Pace::at(self.step_secs)), ..GpuOptions::default() };
         self.backend.set_options(plain)?;
 
         let (work, cpu, wall) = (self.backend.gpu().work(), process_cpu_secs(), Instant::now());
-        let steps = self.run_until_deadline(planned.steps.max(1))?.len() as u32;
-        let per = |total: f64| total / f64::from(steps.max(1));
+        let measured = self.run_within(0.25, 1, steps)?.len() as u32;
+        let per = |total: f64| total / f64::from(measured);
         let wall_secs_per_step = per(wall.elapsed().as_secs_f64());
         let cpu_secs_per_step = per(process_cpu_secs() - cpu);
-        let per_step = work_per_step(work, self.backend.gpu().work(), steps);
+        let per_step = work_per_step(work, self.backend.gpu().work(), measured);
 
         let timed = GpuOptions { time_kernels: true, ..plain };
         self.backend.set_options(timed)?;
-        let kernel_secs = medians(&self.run_until_deadline(planned.timed)?);
-        let counts = self.count(model, planned.counted, self.backend.gpu().choice.hardware)?;
-        let hashes = self.repeated(model, plain, planned.repeated)?;
-        let variants = self.variants(model, timed, planned.variants, counts.as_ref())?;
+        let kernel_secs = medians(&self.run_within(0.25, 0, steps)?);
+        let own_variant = self.backend.gpu().choice.hardware;
+        let own = self.variant(model, own_variant, kernel_secs.as_ref(), 0.25)?;
+        let repeated = self.repeated(model, plain)?;
+        let other = GpuOptions { hardware_kernels: Some(!own_variant), ..timed };
+        self.backend.set_options(other)?;
+        // The first run of a kernel may compile it.
+        let other_secs = if self.run_within(0.25, 0, 1)?.is_empty() {
+            None
+        } else {
+            medians(&self.run_within(0.5, 0, FEW_STEPS)?)
+        };
+        let other = self.variant(model, !own_variant, other_secs.as_ref(), 1.0)?;
         // Leaves the backend without counters and timestamps.
         self.backend.set_options(plain)?;
+        let counts = own.counts.clone();
+        let mut variants = vec![own, other];
+        variants.sort_by_key(|variant| variant.hardware_kernels);
         Ok(StepFigures {
-            steps,
+            steps: measured,
             batch_steps: self.backend.batch_steps(),
             wall_secs_per_step,
             cpu_secs_per_step,
@@ -269,17 +298,17 @@ impl BenchRun<'_, '_> {
             kernel_secs,
             counts,
             variants,
-            repeatable: hashes.map(|[first, second]| first == second),
-            state_hash: hashes.map(|[hash, _]| format!("{hash:016x}")),
-            repeated_steps: if hashes.is_some() { planned.repeated } else { 0 },
+            repeatable: repeated.map(|(_, [first, second])| first == second),
+            state_hash: repeated.map(|(_, [hash, _])| format!("{hash:016x}")),
+            repeated_steps: repeated.map_or(0, |(steps, _)| steps),
         })
     }
 
-    /// Runs the same steps twice from the start, and returns the hashes of both final states.
-    fn repeated(&mut self, model: &Model, plain: GpuOptions, steps: u32) -> Result<Option<[u64; 2]>> {
-        if steps == 0 || !self.deadline.allows(2.0 * f64::from(steps) * self.step_secs) {
-            return Ok(None);
-        }
+    /// Runs the same steps twice from the start, as many as fit into a third of the time left. Returns their number and the hashes
+    /// of both final states.
+    fn repeated(&mut self, model: &Model, plain: GpuOptions) -> Result<Option<(u32, [u64; 2])>> {
+        let fits = |steps: &u32| self.deadline.allows(6.0 * f64::from(*steps) * self.step_secs);
+        let Some(steps) = (1..=REPEATED_STEPS).rev().find(fits) else { return Ok(None) };
         let mut hashes = [0; 2];
         for hash in &mut hashes {
             self.restart(model, plain)?;
@@ -287,56 +316,34 @@ impl BenchRun<'_, '_> {
             let (model, adam) = self.backend.read_back()?;
             *hash = state_hash(&model, &adam);
         }
-        Ok(Some(hashes))
+        Ok(Some((steps, hashes)))
     }
 
-    /// Times and counts of both variants of the rasterisation; `own` are the counts of the device's own variant.
-    fn variants(
+    /// Times of one of the variants of the rasterisation, and its counts in a share of the time left.
+    fn variant(
         &mut self,
         model: &Model,
-        timed: GpuOptions,
-        steps: u32,
-        own: Option<&CountFigures>,
-    ) -> Result<Vec<VariantFigures>> {
-        let mut out = Vec::new();
-        let own_variant = self.backend.gpu().choice.hardware;
-        // The device's own variant last, because later measurements need it.
-        for hardware_kernels in [!own_variant, own_variant] {
-            if steps == 0 || !self.deadline.allows(2.0 * self.step_secs) {
-                break;
-            }
-            self.backend.set_options(GpuOptions { hardware_kernels: Some(hardware_kernels), ..timed })?;
-            // The first run of a kernel may compile it.
-            let first = self.run_until_deadline(1)?;
-            let times = if self.deadline.allows(self.step_secs) {
-                medians(&self.run_until_deadline(steps)?)
-            } else {
-                medians(&first)
-            };
-            let of = |name| times.as_ref().and_then(|t| t.iter().find(|(n, _)| *n == name)).map(|(_, s)| *s);
-            let (raster_fwd_secs, raster_bwd_secs) = (of("raster_fwd"), of("raster_bwd"));
-            let counts = match own {
-                Some(own) if hardware_kernels == own_variant => Some(own.clone()),
-                _ => self.count(model, steps, hardware_kernels)?,
-            };
-            out.push(VariantFigures { hardware_kernels, raster_fwd_secs, raster_bwd_secs, counts });
-        }
-        out.sort_by_key(|variant| variant.hardware_kernels);
-        Ok(out)
+        hardware_kernels: bool,
+        times: Option<&Vec<(&'static str, f64)>>,
+        share: f64,
+    ) -> Result<VariantFigures> {
+        let of = |name| times.and_then(|t| t.iter().find(|(n, _)| *n == name)).map(|(_, secs)| *secs);
+        let (raster_fwd_secs, raster_bwd_secs) = (of("raster_fwd"), of("raster_bwd"));
+        let counts = self.count(model, FEW_STEPS, hardware_kernels, share)?;
+        Ok(VariantFigures { hardware_kernels, raster_fwd_secs, raster_bwd_secs, counts })
     }
 
-    /// Runs all steps if they are fast, otherwise as many as time allows, but at least one.
-    fn run_until_deadline(&mut self, steps: u32) -> Result<Vec<StepReport>> {
-        let mut reports = Vec::new();
-        while (reports.len() as u32) < steps {
+    /// Runs at most `most` steps in a share of the time left, all at once if they are fast; at least `least`, be there time or not.
+    fn run_within(&mut self, share: f64, least: u32, most: u32) -> Result<Vec<StepReport>> {
+        let deadline = self.deadline.share(share);
+        let (mut reports, mut done) = (Vec::new(), 0);
+        while done < least || (done < most && deadline.allows(self.step_secs)) {
             let start = Instant::now();
-            let left = steps - reports.len() as u32;
-            let count = if self.step_secs < SLOW_STEP_SECS { left } else { 1 };
-            reports.extend(self.run(count)?);
-            self.step_secs = start.elapsed().as_secs_f64() / f64::from(count);
-            if !self.deadline.allows(self.step_secs) {
-                break;
-            }
+            let fitting = deadline.left().map_or(f64::INFINITY, |left| left.as_secs_f64() / self.step_secs);
+            let count = if self.step_secs < SLOW_STEP_SECS { (most - done).min(fitting as u32) } else { 1 };
+            reports.extend(self.run(count.max(1))?);
+            done += count.max(1);
+            self.step_secs = start.elapsed().as_secs_f64() / f64::from(count.max(1));
         }
         Ok(reports)
     }
@@ -353,13 +360,6 @@ impl BenchRun<'_, '_> {
         self.next += steps;
         self.backend.steps(&requests)
     }
-}
-
-/// Unmeasured steps after the first: one for each remaining view, if the time for `fitting` steps allows. At
-/// least one, even for a single view: the first step may have compiled kernels, and does not predict the time
-/// of others.
-fn warm_up_steps(views: u32, fitting: f64) -> u32 {
-    (WARM_UP_SHARE * fitting).clamp(1.0, f64::from(views.max(2) - 1)) as u32
 }
 
 fn work_per_step(before: DeviceWork, after: DeviceWork, steps: u32) -> WorkPerStep {
@@ -397,15 +397,4 @@ fn state_hash(model: &Model, adam: &AdamState) -> u64 {
     floats
         .chain(bytemuck::cast_slice(&adam.last_step))
         .fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn there_is_at_least_one_warm_up_step() {
-        assert_eq!([1, 2, 16].map(|views| warm_up_steps(views, f64::INFINITY)), [1, 1, 15]);
-        assert_eq!([0.0, 2.0, 50.0, 1e9].map(|fitting| warm_up_steps(16, fitting)), [1, 1, 5, 15]);
-    }
 }

@@ -2,7 +2,8 @@
 
 use super::super::{LtgsOptions, PerSplat, Reader, Steps, decode, encode, oriented, quantised, rounded};
 use super::{PATH, awkward, is_same, limits, options, read, resealed};
-use crate::{AssetCamera, Error, Quality, ReadLimits, SplatAsset};
+use crate::asset::tests::front;
+use crate::{Error, Quality, ReadLimits, SplatAsset};
 use std::path::Path;
 
 /// Splats of the scene: enough for three layers, of which the last has two chunks.
@@ -169,16 +170,6 @@ fn blocks_of_another_layer_order_are_refused() {
 fn what_is_large_in_views_contributes_most_where_nothing_was_measured() {
     let mut asset = awkward(SPLATS, 0);
     asset.cameras.clear();
-    let camera = AssetCamera {
-        name: "a".to_owned(),
-        held_out: false,
-        width_px: 100,
-        height_px: 100,
-        focal_px: [100.0; 2],
-        principal_px: [50.0; 2],
-        rotation_rows: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
-        translation: [0.0; 3],
-    };
     // Equal splats before the camera, the first half of them near, one behind, and one seen edge-on.
     for splat in 0..SPLATS {
         asset.positions[splat] = [0.0, 0.0, if splat < SPLATS / 2 { 2.0 } else { 8.0 }];
@@ -194,7 +185,7 @@ fn what_is_large_in_views_contributes_most_where_nothing_was_measured() {
     assert_eq!(by_area[2], 0);
     // Without cameras, sizes alone count: only the opaque splat differs.
     assert_eq!(by_area[SPLATS - 1], 0);
-    asset.cameras.push(camera);
+    asset.cameras.push(front(100.0));
     let in_view = layers(&asset);
     assert_eq!((in_view[0], in_view[1], in_view[2], in_view[SPLATS - 1]), (2, 2, 0, 2));
 }

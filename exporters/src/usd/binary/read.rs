@@ -41,7 +41,7 @@ pub(in crate::usd) fn layer_from_binary(
     let mut spec_by_path = HashMap::new();
     for spec in &tables.specs {
         if spec_by_path.insert(spec.path, *spec).is_some() {
-            return Err(Error::invalid(path, format!("two specs of path {}", spec.path)));
+            return Err(invalid!(path, "two specs of path {}", spec.path));
         }
     }
     let mut child_by_name = HashMap::new();

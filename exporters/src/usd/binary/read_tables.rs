@@ -121,7 +121,7 @@ impl ReadTables {
                 "PATHS" => tables.read_paths(&mut cursor),
                 _ => tables.read_specs(&mut cursor),
             }
-            .map_err(|what| Error::invalid(path, format!("section {name}: {what}")))?;
+            .map_err(|what| invalid!(path, "section {name}: {what}"))?;
         }
         Ok(tables)
     }

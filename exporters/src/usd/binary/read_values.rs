@@ -30,7 +30,7 @@ impl<'a> Values<'a> {
     }
 
     pub(super) fn invalid(&self, name: &str, what: impl std::fmt::Display) -> Error {
-        Error::invalid(self.path, format!("{}: {what}", quoted(name)))
+        invalid!(self.path, "{}: {what}", quoted(name))
     }
 
     pub(super) fn unsupported(&self, name: &str, what: impl std::fmt::Display) -> Error {
