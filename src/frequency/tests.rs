@@ -1,6 +1,6 @@
 //! Properties of the schedule for images with known spectra.
 
-use super::fixtures::{Photos, fractal, noisy, photo, schedule_of};
+use super::fixtures::{fractal, noisy, photo, schedule_of, views};
 use super::*;
 use crate::image::TargetImage;
 
@@ -261,7 +261,7 @@ fn settings_are_read_by_name_and_checked() {
         ("max-views", FrequencyOptions { max_views: 0, ..FrequencyOptions::default() }),
     ];
     for (name, options) in wrong {
-        let error = FrequencySchedule::analyse(&Photos(vec![]), &options).unwrap_err();
+        let error = FrequencySchedule::analyse(&views(vec![]), &options).unwrap_err();
         assert!(error.to_string().contains(name), "{error}");
     }
 }

@@ -165,14 +165,3 @@ fn unusual_options_work_and_invalid_ones_are_refused() {
     assert_eq!(write_sample(&dir, &tiny).unwrap().points, 0);
     std::fs::remove_dir_all(dir).unwrap();
 }
-
-/// Writes the default capture to the folder named by `LITETEX_SAMPLE_DIR`.
-#[test]
-#[ignore = "writes the default capture for visual inspection; takes seconds"]
-fn write_default_capture() {
-    if let Some(dir) = std::env::var_os("LITETEX_SAMPLE_DIR") {
-        let start = std::time::Instant::now();
-        let summary = write_sample(Path::new(&dir), &SampleOptions::default()).unwrap();
-        println!("{summary:?} in {:?}", start.elapsed());
-    }
-}
