@@ -74,3 +74,30 @@ pub trait ViewSource: Sync {
         (0..self.num_views()).filter(|&v| self.split(v) == split).collect()
     }
 }
+
+/// Views for tests, all on one side of the split: name, camera and photo of each.
+#[cfg(test)]
+pub(crate) struct TestViews(pub Split, pub Vec<(&'static str, Camera, Arc<TargetImage>)>);
+
+#[cfg(test)]
+impl ViewSource for TestViews {
+    fn num_views(&self) -> usize {
+        self.1.len()
+    }
+
+    fn name(&self, view: usize) -> &str {
+        self.1[view].0
+    }
+
+    fn split(&self, _view: usize) -> Split {
+        self.0
+    }
+
+    fn camera(&self, view: usize) -> Camera {
+        self.1[view].1
+    }
+
+    fn target(&self, view: usize) -> Result<Arc<TargetImage>> {
+        Ok(Arc::clone(&self.1[view].2))
+    }
+}

@@ -42,7 +42,7 @@ fn count_pixels(options: &SceneOptions) -> PixelCounts {
     backend.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
     let coverage = backend.coverage(&scene.camera);
     let (w, h) = (options.width_px as usize, options.height_px as usize);
-    let mut covered_by: Vec<Option<&Vec<bool>>> = vec![None; params.len()];
+    let mut covered_by: Vec<Option<&Vec<bool>>> = vec![None; params.splats.len()];
     coverage.iter().for_each(|c| covered_by[c.splat] = Some(&c.covered));
     let mut out = PixelCounts { inside: 0, missed: 0, outside_box: 0, covered: 0 };
     for (i, covered) in covered_by.iter().enumerate() {

@@ -60,7 +60,7 @@ fn small(sh_degree: u32, seed: u64) -> SceneOptions {
 /// Array of a kind: the groups of splats in order, then the texels.
 fn array(params: &mut Params, kind: usize) -> &mut [f64] {
     match SplatGroup::ALL.get(kind) {
-        Some(group) => params.group_mut(*group),
+        Some(group) => params.splats.group_mut(*group),
         None => &mut params.texels,
     }
 }
@@ -95,7 +95,7 @@ fn constants(scene: &RandomScene, settings: &Settings, normal: impl Fn(usize) ->
     };
     Constants {
         normals: (0..scene.camera.pinhole.num_pixels()).map(normal).collect(),
-        footprints_texels: (0..params.len()).map(footprint).collect(),
+        footprints_texels: (0..params.splats.len()).map(footprint).collect(),
     }
 }
 
@@ -164,7 +164,7 @@ fn gradients_pass_through_the_low_pass_filter() {
         let scene = random_scene(&SceneOptions { scales: (0.01, 0.2), num_splats: 20, ..small(1, seed) });
         let with = settings(&scene);
         let params = Params::from_model(&scene.model);
-        let thinned = (0..params.len())
+        let thinned = (0..params.splats.len())
             .filter_map(|i| project(&params, i, &scene.camera, &with))
             .filter(|p| p.opacity < 0.8 * p.stored_opacity)
             .count();
@@ -182,7 +182,7 @@ fn gradients_pass_through_maps_with_several_texels_a_pixel() {
         }
         let settings = settings(&scene);
         let params = Params::from_model(&scene.model);
-        let minified = (0..params.len())
+        let minified = (0..params.splats.len())
             .filter_map(|i| project(&params, i, &scene.camera, &settings))
             .filter(|p| p.footprint_texels.iter().any(|&w| w > 1.5 && w < 8.0))
             .count();
@@ -229,7 +229,8 @@ fn gradients_are_correct_for_a_splat_seen_edge_on() {
         // The splat itself receives a gradient.
         let params = Params::from_model(&scene.model);
         let analytic = gradients(&params, &scene.camera, &scene.target, &WEIGHTS, &settings).params;
-        assert!(analytic.positions[..3].iter().all(|g| g.abs() > 1e-6), "{:?}", &analytic.positions[..3]);
+        let by_position = &analytic.splats.positions[..3];
+        assert!(by_position.iter().all(|g| g.abs() > 1e-6), "{by_position:?}");
     }
 }
 
@@ -241,7 +242,7 @@ fn gradients_are_correct_for_discs_that_cross_the_near_plane() {
         let scene = random_scene(&near);
         let settings = settings(&scene);
         let params = Params::from_model(&scene.model);
-        for i in 0..params.len() {
+        for i in 0..params.splats.len() {
             let Some(p) = project(&params, i, &scene.camera, &settings) else { continue };
             let reach: f64 = (0..2).map(|k| 3.0 * (p.scales[k] * p.axes_in_camera[k].z).abs()).sum();
             let seen = (0..480).any(|px| {

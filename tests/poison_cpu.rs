@@ -29,7 +29,7 @@ fn a_photo_of_another_size_is_a_usage_error() {
     let scene = scene(1);
     let mut backend = CpuBackend::new(Some(1)).unwrap();
     backend.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
-    let target = TargetImage { width_px: 3, height_px: 3, rgb: vec![0; 27], mask: None, alpha: None };
+    let target = TargetImage::opaque(3, 3, vec![0; 27]);
     let request = StepRequest {
         step: 1,
         camera: scene.camera,

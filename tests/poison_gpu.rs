@@ -49,7 +49,7 @@ fn a_photo_of_another_size_is_a_usage_error() {
     let Some(mut backend) = backend(GpuOptions::default()) else { return };
     let scene = scene(1);
     backend.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
-    let target = TargetImage { width_px: 3, height_px: 3, rgb: vec![0; 27], mask: None, alpha: None };
+    let target = TargetImage::opaque(3, 3, vec![0; 27]);
     let error = backend.step(&request(&scene, &target)).unwrap_err();
     assert!(matches!(error, Error::Usage(_)), "{error}");
     assert!(backend.step(&request(&scene, &scene.target)).is_ok(), "the backend still works");

@@ -58,7 +58,7 @@ pub fn bake(
     if let Some(first) = dropped.first() {
         let what = format!(
             "splats that no renderer can draw were left out of the asset (numbers that are not finite, or \
-                 absurd scales), the first is number {first}"
+             absurd scales), the first is number {first}"
         );
         report.warn("splats-not-drawable", dropped.len(), what);
     }

@@ -46,9 +46,9 @@ fn summed_up(views: &[View], outcomes: Vec<Result<CheckedPhoto>>) -> Result<Repo
     if !masked_out.is_empty() {
         let what = format!(
             "the masks of {} training views exclude every pixel, so nothing is learnt from them: {}; white pixels count, \
-                 unless capture.mask-invert is set",
+             unless capture.mask-invert is set",
             masked_out.len(),
-            first_names(masked_out)
+            first_names(masked_out.iter().copied())
         );
         report.warn("views-masked-out", masked_out.len(), what);
     }

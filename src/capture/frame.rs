@@ -51,7 +51,7 @@ pub(crate) fn capture_from_local(source: &Source, report: &mut Report) -> Simila
     let points = median(distances);
     let what = format!(
         "all {} cameras are in one place; the scale of the capture is taken from {}; such photos cannot \
-             teach depth",
+         teach depth",
         centres.len(),
         if points.is_some() { "the median distance of the points" } else { "its own units" }
     );

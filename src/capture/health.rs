@@ -104,7 +104,7 @@ fn warn(source: &Source, health: &SparseHealth, extent: f64, report: &mut Report
     if health.cameras_far_off > 0 {
         let what = format!(
             "{} cameras are more than {FAR_OFF} median distances away: {}; they set the scale of the capture; \
-                 {HINT}",
+             {HINT}",
             health.cameras_far_off,
             first_names(far_off(source))
         );

@@ -266,7 +266,7 @@ fn find_masks(
             without.len(),
             source.views.len(),
             text::path(masks.path()),
-            first_names(without)
+            first_names(without.iter().copied())
         );
         report.warn("views-without-mask", without.len(), what);
     }
@@ -286,7 +286,7 @@ fn warn_of_files_outside(root: &Path, source: &Source, named: &[Option<PhotoFold
             "{} files lie outside the capture's folder {}: {}; copy them into it before you move or share it",
             outside.len(),
             text::path(root),
-            first_paths(outside)
+            first_paths(outside.iter().copied())
         );
         report.warn("files-outside-the-capture", outside.len(), what);
     }

@@ -61,7 +61,7 @@ pub(super) fn check(views: &[View], source: &Source, capture_from_local: &Simila
         let count = alone.len();
         let what = format!(
             "no other training view shows {:.0} % of what these do: {} ({count} of {}); what they show stays vague: \
-                 take more photos between them and the others",
+             take more photos between them and the others",
             100.0 * SHARED_MIN,
             first_names(alone),
             train.len()

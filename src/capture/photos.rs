@@ -172,7 +172,7 @@ pub(crate) fn fit(
     Err(invalid!(
         path,
         "size mismatch: photo {} has {}x{} pixels, its camera expects {}x{} or a scaled copy of \
-             that; give the folder of the photos that the poses were computed from with --images",
+         that; give the folder of the photos that the poses were computed from with --images",
         quoted(name),
         stored.0,
         stored.1,

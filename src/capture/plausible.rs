@@ -29,7 +29,7 @@ pub(crate) fn check(views: &[SourceView], recipes: &[Recipe], report: &mut Repor
             let p = &first.lens.pinhole;
             let what = format!(
                 "{} of {} views have {what}: {} (the first: focal lengths {} and {} px, principal \
-                     point {}, {}, {} x {} px); check the units of their cameras and whether the photos belong to them",
+                 point {}, {}, {} x {} px); check the units of their cameras and whether the photos belong to them",
                 found.len(),
                 views.len(),
                 first_names(found.iter().map(|v| v.name.as_str())),

@@ -13,7 +13,7 @@ fn photo(width_px: u32, height_px: u32) -> TargetImage {
             })
         })
         .collect();
-    TargetImage { width_px, height_px, rgb, mask: None, alpha: None }
+    TargetImage::opaque(width_px, height_px, rgb)
 }
 
 /// The photo with pseudo-random noise of the given amplitude.
@@ -63,7 +63,7 @@ fn figures_get_worse_with_noise() {
 
 #[test]
 fn psnr_of_a_constant_offset_follows_the_formula() {
-    let photo = TargetImage { width_px: 5, height_px: 4, rgb: vec![100; 60], mask: None, alpha: None };
+    let photo = TargetImage::opaque(5, 4, vec![100; 60]);
     let rendered = vec![110.4 / 255.0; 60]; // rounds to 110
     let q = quality_of("", &rendered, &photo);
     // Needed 0.
@@ -73,8 +73,7 @@ fn psnr_of_a_constant_offset_follows_the_formula() {
 
 #[test]
 fn renders_are_clamped_and_rounded_before_comparison() {
-    let photo =
-        TargetImage { width_px: 2, height_px: 1, rgb: vec![255, 0, 128, 0, 255, 0], mask: None, alpha: None };
+    let photo = TargetImage::opaque(2, 1, vec![255, 0, 128, 0, 255, 0]);
     let rendered = [7.0, -3.0, 128.4 / 255.0, f32::NAN, 1.0019, -0.0];
     assert_eq!(quality_of("", &rendered, &photo).psnr, PSNR_CAP_DB);
 }
@@ -111,13 +110,7 @@ fn gradient_psnr_matches_a_direct_sobel_filter() {
     // Needed 0; the direct sum may round differently on other machines.
     assert!((gradient_psnr(&pair) - expected).abs() < 1e-10);
     // The gradient of a ramp is its slope: here 2 code values per pixel, against a flat image.
-    let ramp = TargetImage {
-        width_px: 8,
-        height_px: 8,
-        rgb: (0..64).flat_map(|i| [2 * (i % 8) as u8; 3]).collect(),
-        mask: None,
-        alpha: None,
-    };
+    let ramp = TargetImage::opaque(8, 8, (0..64).flat_map(|i| [2 * (i % 8) as u8; 3]).collect());
     let flat = ImagePair::new(&[0.0; 192], &ramp);
     let slope = 2.0 / 255.0_f64;
     assert!((gradient_psnr(&flat) - psnr_from_mse(slope * slope / 2.0)).abs() < 1e-10);
@@ -243,7 +236,7 @@ fn drifting(map: impl Fn([f64; 3]) -> [f64; 3]) -> (Vec<f32>, TargetImage) {
         .collect();
     let rgb = clean.iter().flat_map(|&c| map(c)).map(|v| (v * 255.0).round() as u8).collect();
     let rendered = clean.as_flattened().iter().map(|v| *v as f32).collect();
-    (rendered, TargetImage { width_px: w, height_px: h, rgb, mask: None, alpha: None })
+    (rendered, TargetImage::opaque(w, h, rgb))
 }
 
 #[test]
@@ -267,8 +260,7 @@ fn affine_colour_drift_is_corrected_and_other_errors_are_not() {
 
 #[test]
 fn colours_are_corrected_in_flat_images_and_not_where_a_half_is_masked() {
-    let flat =
-        |value: u8| TargetImage { width_px: 8, height_px: 4, rgb: vec![value; 96], mask: None, alpha: None };
+    let flat = |value: u8| TargetImage::opaque(8, 4, vec![value; 96]);
     let q = quality_of("", &vec![0.5; 96], &flat(100));
     assert!(q.psnr < 20.0 && q.psnr_corrected.unwrap() > 60.0, "{q:?}");
     for hidden in [0..4, 4..8] {
@@ -280,7 +272,7 @@ fn colours_are_corrected_in_flat_images_and_not_where_a_half_is_masked() {
 
 #[test]
 fn uncovered_pixels_are_counted_where_the_photo_counts_and_shows_something() {
-    let mut photo = TargetImage { width_px: 4, height_px: 1, rgb: vec![9; 12], mask: None, alpha: None };
+    let mut photo = TargetImage::opaque(4, 1, vec![9; 12]);
     let alpha = [0.0, 0.49, 0.5, 1.0];
     let black = [0.0; 3];
     assert_eq!(uncovered_pixels(&alpha, &photo, black), [true, true, false, false]);

@@ -1,10 +1,9 @@
 //! Photos with known spectra for tests.
 
 use super::{FrequencyOptions, FrequencySchedule, RuleSet, ScheduleRules};
-use crate::Result;
 use crate::camera::{Camera, Pinhole, RigidTransform};
 use crate::image::TargetImage;
-use crate::views::{Split, ViewSource};
+use crate::views::{Split, TestViews};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64Mcg;
 use rustfft::FftPlanner;
@@ -12,43 +11,25 @@ use rustfft::num_complex::Complex;
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-/// Training views held in memory.
-pub(super) struct Photos(pub Vec<Arc<TargetImage>>);
-
-impl ViewSource for Photos {
-    fn num_views(&self) -> usize {
-        self.0.len()
-    }
-
-    fn name(&self, _: usize) -> &str {
-        "photo"
-    }
-
-    fn split(&self, _: usize) -> Split {
-        Split::Train
-    }
-
-    fn camera(&self, view: usize) -> Camera {
-        let (width_px, height_px) = (self.0[view].width_px, self.0[view].height_px);
+/// Training views of these photos.
+pub(super) fn views(photos: Vec<TargetImage>) -> TestViews {
+    let view = |photo: TargetImage| {
+        let (width_px, height_px) = (photo.width_px, photo.height_px);
         let pinhole = Pinhole { width_px, height_px, fx_px: 1.0, fy_px: 1.0, cx_px: 0.0, cy_px: 0.0 };
-        Camera { pinhole, camera_from_local: RigidTransform::IDENTITY }
-    }
-
-    fn target(&self, view: usize) -> Result<Arc<TargetImage>> {
-        Ok(Arc::clone(&self.0[view]))
-    }
+        let camera = Camera { pinhole, camera_from_local: RigidTransform::IDENTITY };
+        ("photo", camera, Arc::new(photo))
+    };
+    TestViews(Split::Train, photos.into_iter().map(view).collect())
 }
 
 /// A photo of these values, 0 to 1, by pixel index.
 pub(super) fn photo(width: usize, height: usize, mut rgb: impl FnMut(usize) -> [f64; 3]) -> TargetImage {
     let byte = |v: f64| (v * 255.0).round().clamp(0.0, 255.0) as u8;
-    TargetImage {
-        width_px: width as u32,
-        height_px: height as u32,
-        rgb: (0..width * height).flat_map(|i| rgb(i).map(byte)).collect(),
-        mask: None,
-        alpha: None,
-    }
+    TargetImage::opaque(
+        width as u32,
+        height as u32,
+        (0..width * height).flat_map(|i| rgb(i).map(byte)).collect(),
+    )
 }
 
 /// A standard normal number (Box and Muller).
@@ -98,8 +79,7 @@ pub(super) fn schedule_by(
     options: &FrequencyOptions,
     rules: &RuleSet,
 ) -> FrequencySchedule {
-    let photos = Photos(photos.into_iter().map(Arc::new).collect());
-    FrequencySchedule::analyse_by(&photos, options, rules).unwrap()
+    FrequencySchedule::analyse_by(&views(photos), options, rules).unwrap()
 }
 
 /// The published settings.

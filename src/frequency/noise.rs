@@ -132,13 +132,7 @@ mod tests {
             let striped = i / 3 / width < striped_rows && (i / 3 + i / 3 / width).is_multiple_of(2);
             (128.0 + 8.0 * noise + if striped { 40.0 } else { 0.0 }).round() as u8
         };
-        TargetImage {
-            width_px: width as u32,
-            height_px: height as u32,
-            rgb: (0..3 * width * height).map(&mut value).collect(),
-            mask: None,
-            alpha: None,
-        }
+        TargetImage::opaque(width as u32, height as u32, (0..3 * width * height).map(&mut value).collect())
     }
 
     fn deviation(photo: &TargetImage) -> f64 {

@@ -1,6 +1,6 @@
 //! Properties of the schedule for images with known spectra.
 
-use super::fixtures::{Photos, fractal, noisy, paper, photo, schedule_by, schedule_of};
+use super::fixtures::{fractal, noisy, paper, photo, schedule_by, schedule_of, views};
 use super::*;
 use crate::image::TargetImage;
 
@@ -254,7 +254,7 @@ fn settings_are_read_by_name_and_checked() {
         ("max-scale", FrequencyOptions { max_scale: 0.5, ..FrequencyOptions::default() }),
     ];
     for (name, options) in wrong {
-        let error = FrequencySchedule::analyse(&Photos(vec![]), &options).unwrap_err();
+        let error = FrequencySchedule::analyse(&views(vec![]), &options).unwrap_err();
         assert!(error.to_string().contains(name), "{error}");
     }
 }

@@ -106,7 +106,7 @@ fn a_failing_batch_leaves_earlier_steps_intact() {
     backend.step(&request(&scene, 1)).unwrap();
     let expected = backend.read_back().unwrap();
     // A photo of the wrong size, then an image that no device can hold.
-    let small = TargetImage { width_px: 1, height_px: 1, rgb: vec![0; 3], mask: None, alpha: None };
+    let small = TargetImage::opaque(1, 1, vec![0; 3]);
     let bad = StepRequest { target: &small, ..request(&scene, 3) };
     assert!(backend.steps(&[request(&scene, 2), bad]).is_err());
     assert!(backend.read_back().unwrap() == expected);

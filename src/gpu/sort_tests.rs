@@ -1,6 +1,5 @@
-//! Tests of the radix sort against Rust's stable sort, and a measurement.
+//! Tests of the radix sort against Rust's stable sort.
 
-use super::encode::Dispatch;
 use super::harness::Harness;
 use super::kernels::{Buf, Groups, KernelId};
 use super::layout::{Status, StepUniform};
@@ -24,11 +23,6 @@ pub(super) fn open_all(kernels: &[KernelId]) -> impl Iterator<Item = Harness> {
         harness.fill(Buf::Status, &[Status::default(); 4]);
         harness
     })
-}
-
-/// The first of [`open_all`].
-pub(super) fn open(kernels: &[KernelId]) -> Option<Harness> {
-    open_all(kernels).next()
 }
 
 /// Sets the buffers of a sort by depth; everything except the keys is filled with junk that must not be read.
@@ -120,34 +114,4 @@ fn a_folded_dispatch_sorts_like_an_unfolded_one() {
         harness.run(&depth_sort(STEP));
         assert_ne!(harness.read::<u32>(Buf::ValuesB, 5000), sorted_indices(&keys), "a block is missing");
     }
-}
-
-#[test]
-#[ignore = "a measurement: run on demand"]
-fn throughput() {
-    let Some(mut harness) = open(&SORT) else { return };
-    for count in [100_000, 1_000_000] {
-        let keys = random_keys(count, 1 << 28, &mut Pcg32::seed_from_u64(8));
-        for kernel in SORT {
-            let passes: Vec<_> = depth_sort(STEP).into_iter().filter(|d| d.kernel == kernel).collect();
-            println!("{kernel:?}: {}", keys_per_second(&mut harness, &keys, &passes));
-        }
-        println!("sort of 28 bits: {}", keys_per_second(&mut harness, &keys, &depth_sort(STEP)));
-    }
-}
-
-/// Throughput by CPU time of the process, in which software drivers compute, and by wall time.
-fn keys_per_second(harness: &mut Harness, keys: &[u32], dispatches: &[Dispatch]) -> String {
-    fill_sort(harness, keys, keys.len());
-    harness.run(&depth_sort(STEP));
-    harness.read::<u32>(Buf::Status, 1);
-    let runs = 3;
-    let (start, wall) = (cpu_time::ProcessTime::now(), std::time::Instant::now());
-    for _ in 0..runs {
-        harness.run(dispatches);
-    }
-    harness.read::<u32>(Buf::Status, 1);
-    let millions = (runs * keys.len()) as f64 / 1e6;
-    let per = [start.elapsed().as_secs_f64(), wall.elapsed().as_secs_f64()].map(|s| millions / s);
-    format!("{} keys, {:.2} M/s per core, {:.2} M/s in all", keys.len(), per[0], per[1])
 }

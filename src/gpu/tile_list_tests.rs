@@ -7,10 +7,8 @@ use super::kernels::{Buf, Groups, KernelId, NUM_GROUPS};
 use super::layout::{DispatchArgs, Status, StepUniform};
 use super::resources::UniformOffsets;
 use super::shader::{BLOCK, GROUP, MAX_GROUPS};
-use super::sort::{
-    depth_sort, first_args, folded_groups, num_tile_passes, order_and_bin, pair_slots, tile_lists,
-};
-use super::sort_tests::{SORT, STEP, fill_sort, open, open_all};
+use super::sort::{first_args, folded_groups, num_tile_passes, order_and_bin, pair_slots};
+use super::sort_tests::{SORT, STEP, fill_sort, open_all};
 use super::tile_list_twin::{TestBounds, TileListCase, grid_of};
 use rand::{RngExt as _, SeedableRng as _, seq::SliceRandom as _};
 use rand_pcg::Pcg32;
@@ -274,23 +272,4 @@ fn tile_counts_that_differ_by_rounding_do_no_harm() {
         last.retain(|&splat| splat as usize != seen[7]);
         assert!(got == expected && got != lists && leftover == 0);
     }
-}
-
-#[test]
-#[ignore = "a measurement: run on demand"]
-fn throughput() {
-    let Some(mut harness) = open(&[&SORT[..], &SLOTS, &LISTS].concat()) else { return };
-    let case = TileListCase::random(9, [1600, 1200], 20_000);
-    let total: u32 = case.bounds.iter().map(|b| b.num_tiles).sum();
-    fill_case(&mut harness, &case, total);
-    // The first run may compile.
-    harness.run(&order_and_bin(STEP, case.num_tiles()));
-    fill_case(&mut harness, &case, total);
-    harness.run(&depth_sort(STEP));
-    harness.read::<u32>(Buf::Status, 1);
-    let start = cpu_time::ProcessTime::now();
-    harness.run(&pair_slots(STEP));
-    harness.run(&tile_lists(STEP, case.num_tiles()));
-    harness.read::<u32>(Buf::Status, 1);
-    println!("{total} pairs to lists: {:?} of a core", start.elapsed());
 }

@@ -30,6 +30,11 @@ pub fn is_background(rgb: [f64; 3], background: [f32; 3]) -> bool {
 }
 
 impl TargetImage {
+    /// A photo of which every pixel counts and is opaque.
+    pub fn opaque(width_px: u32, height_px: u32, rgb: Vec<u8>) -> Self {
+        Self { width_px, height_px, rgb, mask: None, alpha: None }
+    }
+
     /// Whether any pixel counts in loss and metrics, that is, whether the photo is not wholly masked.
     pub fn has_counted_pixels(&self) -> bool {
         self.mask.as_ref().is_none_or(|mask| mask.iter().any(|&m| m != 0))

@@ -1,50 +1,31 @@
 //! Where the backdrop stands, and where not: cameras that look across a plain under a sky.
 
 use super::*;
-use crate::camera::{Camera, Pinhole, RigidTransform, Similarity};
+use crate::camera::{Camera, Pinhole, RigidTransform};
 use crate::constants::SH_0;
 use crate::image::TargetImage;
-use crate::views::{SfmPoint, Split, ViewSource};
+use crate::views::{SfmPoint, Split, TestViews};
 use glam::{DMat3, DVec3};
 use std::collections::HashSet;
-use std::path::Path;
 use std::sync::Arc;
 
 const SKY: [u8; 3] = [120, 160, 230];
 const GROUND: [u8; 3] = [90, 120, 40];
 
-/// Four cameras at the height 0.3 that look north with half a unit between them; z is up.
-struct Plain {
-    sky: [u8; 3],
-}
-
-impl ViewSource for Plain {
-    fn num_views(&self) -> usize {
-        4
-    }
-
-    fn name(&self, _view: usize) -> &str {
-        "plain.png"
-    }
-
-    fn split(&self, _view: usize) -> Split {
-        Split::Train
-    }
-
-    fn camera(&self, view: usize) -> Camera {
-        // x to the east, y down, z to the north.
-        let rotation = DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y);
-        let centre = DVec3::new(0.5 * view as f64 - 0.75, 0.0, 0.3);
-        let pinhole =
-            Pinhole { width_px: 48, height_px: 32, fx_px: 24.0, fy_px: 24.0, cx_px: 24.0, cy_px: 16.0 };
-        Camera { pinhole, camera_from_local: RigidTransform { rotation, translation: -(rotation * centre) } }
-    }
-
-    fn target(&self, _view: usize) -> Result<Arc<TargetImage>> {
-        // The horizon is the middle row.
-        let rgb = (0..48 * 32).flat_map(|i| if i < 48 * 16 { self.sky } else { GROUND }).collect();
-        Ok(Arc::new(TargetImage { width_px: 48, height_px: 32, rgb, mask: None, alpha: None }))
-    }
+/// Four cameras at the height 0.3 that look north across a plain, with half a unit between them; z is up.
+fn plain(sky: [u8; 3]) -> TestViews {
+    // x to the east, y down, z to the north.
+    let rotation = DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y);
+    let pinhole = Pinhole { width_px: 48, height_px: 32, fx_px: 24.0, fy_px: 24.0, cx_px: 24.0, cy_px: 16.0 };
+    // The horizon is the middle row.
+    let rgb = (0..48 * 32).flat_map(|i| if i < 48 * 16 { sky } else { GROUND }).collect();
+    let photo = Arc::new(TargetImage::opaque(48, 32, rgb));
+    let view = |east: f64| {
+        let translation = -(rotation * DVec3::new(east, 0.0, 0.3));
+        let camera_from_local = RigidTransform { rotation, translation };
+        ("plain.png", Camera { pinhole, camera_from_local }, Arc::clone(&photo))
+    };
+    TestViews(Split::Train, [-0.75, -0.25, 0.25, 0.75].map(view).to_vec())
 }
 
 /// A grid of points on the ground, or on both it and a wall in the north.
@@ -59,15 +40,9 @@ fn points(with_wall: bool) -> Vec<SfmPoint> {
 
 /// Positions and colours of the splats that are not at points.
 fn backdrop(sky: [u8; 3], points: &[SfmPoint], max_points: usize) -> Vec<([f32; 3], [f32; 3])> {
-    let views = Plain { sky };
+    let views = plain(sky);
     let model = |backdrop_on, max_points| {
-        let input = InitInput {
-            views: &views,
-            points: InitPoints::Sparse(points),
-            points_file: Path::new("points"),
-            capture_from_local: Similarity::IDENTITY,
-            near: 0.01,
-        };
+        let input = InitInput::for_test(&views, InitPoints::Sparse(points));
         let options = InitOptions { backdrop_on, sh_degree: 0, max_points, ..InitOptions::default() };
         initial_model(&input, &options).unwrap().model
     };

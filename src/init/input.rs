@@ -44,6 +44,15 @@ impl InitInput<'_> {
     }
 }
 
+#[cfg(test)]
+impl<'a> InitInput<'a> {
+    /// That of views whose local frame is the capture's.
+    pub(super) fn for_test(views: &'a dyn ViewSource, points: InitPoints<'a>) -> Self {
+        let (points_file, capture_from_local) = (Path::new("points"), Similarity::IDENTITY);
+        Self { views, points, points_file, capture_from_local, near: 0.01 }
+    }
+}
+
 /// How the initial model is made.
 #[derive(Clone, Debug, PartialEq)]
 pub struct InitOptions {

@@ -2,12 +2,11 @@
 
 use super::sweep::{points_for, swept, wanted_points};
 use super::*;
-use crate::camera::{Camera, Pinhole, RigidTransform, Similarity};
+use crate::camera::{Camera, Pinhole, RigidTransform};
 use crate::image::TargetImage;
 use crate::init::points::LocalPoint;
-use crate::views::{Split, ViewSource};
+use crate::views::{Split, TestViews};
 use glam::{DMat3, DVec2, DVec3};
-use std::path::Path;
 use std::sync::Arc;
 
 const SIZE: (u32, u32) = (96, 64);
@@ -33,51 +32,34 @@ fn texture(at: DVec2) -> f64 {
     waves.iter().zip(1..).map(|((a, b), i)| (a * at.x + b * at.y + f64::from(i * i)).sin()).sum::<f64>() * 0.2
 }
 
-impl ViewSource for Wall {
-    fn num_views(&self) -> usize {
-        3
+impl Wall {
+    fn views(&self) -> TestViews {
+        TestViews(Split::Train, (0..3).map(|view| self.view(view.into())).collect())
     }
 
-    fn name(&self, _view: usize) -> &str {
-        "wall.png"
-    }
-
-    fn split(&self, _view: usize) -> Split {
-        Split::Train
-    }
-
-    fn camera(&self, view: usize) -> Camera {
-        let centre = DVec3::new(self.baseline * (view as f64 - 1.0), 0.0, 0.0);
+    fn view(&self, view: f64) -> (&'static str, Camera, Arc<TargetImage>) {
+        let centre = DVec3::new(self.baseline * (view - 1.0), 0.0, 0.0);
         let (width_px, height_px) = SIZE;
         let pinhole = Pinhole { width_px, height_px, fx_px: 80.0, fy_px: 80.0, cx_px: 48.0, cy_px: 32.0 };
         let camera_from_local = RigidTransform { rotation: DMat3::IDENTITY, translation: -centre };
-        Camera { pinhole, camera_from_local }
-    }
-
-    fn target(&self, view: usize) -> Result<Arc<TargetImage>> {
-        let camera = self.camera(view);
+        let turn = DVec2::from_angle(if self.differ { 1.2 * view } else { 0.0 });
         let grey = |i: u32| {
-            let at_px = DVec2::new((i % SIZE.0).into(), (i / SIZE.0).into()) + 0.5;
-            let on_wall = camera.centre_in_local() + camera.pinhole.direction_in_camera(at_px) * WALL;
-            let turn = DVec2::from_angle(if self.differ { 1.2 * view as f64 } else { 0.0 });
+            let at_px = DVec2::new((i % width_px).into(), (i / width_px).into()) + 0.5;
+            let on_wall = centre + pinhole.direction_in_camera(at_px) * WALL;
             match self.plain.filter(|_| on_wall.x < 0.0) {
                 Some(value) => value,
                 None => (127.5 + 120.0 * texture(turn.rotate(on_wall.truncate()))) as u8,
             }
         };
-        let rgb = (0..SIZE.0 * SIZE.1).flat_map(|i| [grey(i); 3]).collect();
-        Ok(Arc::new(TargetImage { width_px: SIZE.0, height_px: SIZE.1, rgb, mask: None, alpha: None }))
+        let rgb = (0..width_px * height_px).flat_map(|i| [grey(i); 3]).collect();
+        let photo = Arc::new(TargetImage::opaque(width_px, height_px, rgb));
+        ("wall.png", Camera { pinhole, camera_from_local }, photo)
     }
 }
 
 fn sweep(wall: &Wall, known: &[LocalPoint], max_points: usize) -> Vec<DVec3> {
-    let input = InitInput {
-        views: wall,
-        points: InitPoints::Missing(1),
-        points_file: Path::new("points"),
-        capture_from_local: Similarity::IDENTITY,
-        near: 0.01,
-    };
+    let views = wall.views();
+    let input = InitInput::for_test(&views, InitPoints::Missing(1));
     let options = InitOptions { max_points, seed: 7, ..InitOptions::default() };
     let wanted = wanted_points(&input, &options);
     let points = swept(&input, known, wanted, [0.0; 3], options.seed).unwrap();
@@ -141,13 +123,8 @@ fn cameras_in_one_place_tell_no_depths() {
 #[test]
 fn a_capture_without_points_starts_from_those_found_or_else_from_random_ones() {
     let first = |wall: &Wall| {
-        let input = InitInput {
-            views: wall,
-            points: InitPoints::Missing(700),
-            points_file: Path::new("points"),
-            capture_from_local: Similarity::IDENTITY,
-            near: 0.01,
-        };
+        let views = wall.views();
+        let input = InitInput::for_test(&views, InitPoints::Missing(700));
         let options = InitOptions { sweep_on: Some([0.0; 3]), sh_degree: 0, ..InitOptions::default() };
         let first = initial_model(&input, &options).unwrap();
         (first.model.num_splats(), first.is_random, first.report.warnings.last().unwrap().code.clone())

@@ -7,21 +7,21 @@ use std::ops::Range;
 /// One array per group of parameters; the entries of a splat are contiguous. SH coefficients are a jagged pool: a splat has
 /// those of its own degree.
 #[derive(Clone, Debug, PartialEq)]
-pub struct SplatArrays {
+pub struct SplatArrays<V = f32> {
     /// SH degree of each splat. `[n]`
     sh_degrees: Vec<u8>,
     /// First float of each splat in `sh`, and the end of the last one. `[n + 1]`
     sh_offsets: Vec<u32>,
     /// Centres, local frame. `[n, 3]`
-    pub positions: Vec<f32>,
+    pub positions: Vec<V>,
     /// Rotations local_from_surfel as quaternions wxyz, not normalised. `[n, 4]`
-    pub quaternions: Vec<f32>,
+    pub quaternions: Vec<V>,
     /// Natural logarithms of the standard deviations along the surfel's axes, local units. `[n, 2]`
-    pub log_scales: Vec<f32>,
+    pub log_scales: Vec<V>,
     /// Opacities before the sigmoid. `[n]`
-    pub opacity_logits: Vec<f32>,
+    pub opacity_logits: Vec<V>,
     /// SH coefficients, display space, splat after splat. `[num_sh_coefficients, 3]`
-    pub sh: Vec<f32>,
+    pub sh: Vec<V>,
 }
 
 /// A group of parameters with its own learning rate.
@@ -55,28 +55,7 @@ impl SplatGroup {
     }
 }
 
-impl SplatArrays {
-    /// `n` splats of degree `sh_degree` with all values zero.
-    pub fn zeros(n: usize, sh_degree: u32) -> Self {
-        Self::zeros_of(vec![sh_degree as u8; n])
-    }
-
-    /// Splats of these SH degrees with all values zero.
-    pub fn zeros_of(sh_degrees: Vec<u8>) -> Self {
-        let n = sh_degrees.len();
-        let sh_offsets = sh_offsets(&sh_degrees);
-        let array = |g: SplatGroup| vec![0.0; n * g.width(0)];
-        Self {
-            positions: array(SplatGroup::Position),
-            quaternions: array(SplatGroup::Quaternion),
-            log_scales: array(SplatGroup::LogScale),
-            opacity_logits: array(SplatGroup::Opacity),
-            sh: vec![0.0; sh_offsets[n] as usize],
-            sh_degrees,
-            sh_offsets,
-        }
-    }
-
+impl<V> SplatArrays<V> {
     /// Number of splats.
     pub fn len(&self) -> usize {
         self.opacity_logits.len()
@@ -111,18 +90,18 @@ impl SplatArrays {
     }
 
     /// The SH coefficients of a splat. `[(degree + 1)^2, 3]`
-    pub fn sh_of(&self, splat: usize) -> &[f32] {
+    pub fn sh_of(&self, splat: usize) -> &[V] {
         &self.sh[self.range(SplatGroup::Sh, splat)]
     }
 
     /// The SH coefficients of a splat, mutable. `[(degree + 1)^2, 3]`
-    pub fn sh_of_mut(&mut self, splat: usize) -> &mut [f32] {
+    pub fn sh_of_mut(&mut self, splat: usize) -> &mut [V] {
         let range = self.range(SplatGroup::Sh, splat);
         &mut self.sh[range]
     }
 
     /// The array of one group. `[n, width]`; SH is the jagged pool
-    pub fn group(&self, group: SplatGroup) -> &Vec<f32> {
+    pub fn group(&self, group: SplatGroup) -> &Vec<V> {
         match group {
             SplatGroup::Position => &self.positions,
             SplatGroup::Quaternion => &self.quaternions,
@@ -133,7 +112,7 @@ impl SplatArrays {
     }
 
     /// The array of one group, mutable; its length must stay. `[n, width]`; SH is the jagged pool
-    pub fn group_mut(&mut self, group: SplatGroup) -> &mut Vec<f32> {
+    pub fn group_mut(&mut self, group: SplatGroup) -> &mut Vec<V> {
         match group {
             SplatGroup::Position => &mut self.positions,
             SplatGroup::Quaternion => &mut self.quaternions,
@@ -144,9 +123,46 @@ impl SplatArrays {
     }
 
     /// The arrays of all groups, in the order of [`SplatGroup::ALL`], mutable, with [`Self::sh_offsets`].
-    pub fn groups_mut(&mut self) -> ([&mut Vec<f32>; 5], &[u32]) {
+    pub fn groups_mut(&mut self) -> ([&mut Vec<V>; 5], &[u32]) {
         let Self { positions, quaternions, log_scales, opacity_logits, sh, sh_offsets, .. } = self;
         ([positions, quaternions, log_scales, opacity_logits, sh], sh_offsets)
+    }
+
+    /// The same splats with every value replaced.
+    pub fn map<W>(&self, value: impl Fn(&V) -> W) -> SplatArrays<W> {
+        let array = |values: &[V]| values.iter().map(&value).collect();
+        SplatArrays {
+            sh_degrees: self.sh_degrees.clone(),
+            sh_offsets: self.sh_offsets.clone(),
+            positions: array(&self.positions),
+            quaternions: array(&self.quaternions),
+            log_scales: array(&self.log_scales),
+            opacity_logits: array(&self.opacity_logits),
+            sh: array(&self.sh),
+        }
+    }
+}
+
+impl SplatArrays {
+    /// `n` splats of degree `sh_degree` with all values zero.
+    pub fn zeros(n: usize, sh_degree: u32) -> Self {
+        Self::zeros_of(vec![sh_degree as u8; n])
+    }
+
+    /// Splats of these SH degrees with all values zero.
+    pub fn zeros_of(sh_degrees: Vec<u8>) -> Self {
+        let n = sh_degrees.len();
+        let sh_offsets = sh_offsets(&sh_degrees);
+        let array = |g: SplatGroup| vec![0.0; n * g.width(0)];
+        Self {
+            positions: array(SplatGroup::Position),
+            quaternions: array(SplatGroup::Quaternion),
+            log_scales: array(SplatGroup::LogScale),
+            opacity_logits: array(SplatGroup::Opacity),
+            sh: vec![0.0; sh_offsets[n] as usize],
+            sh_degrees,
+            sh_offsets,
+        }
     }
 
     /// The splats with the indices `sources`, in that order, each with its new SH degree: higher coefficients are dropped,

@@ -75,7 +75,7 @@ pub fn gradients_at(
     constants: Option<&Constants>,
 ) -> Gradients {
     let mut projected: Vec<Option<Projected>> =
-        (0..params.len()).map(|i| project(params, i, camera, settings)).collect();
+        (0..params.splats.len()).map(|i| project(params, i, camera, settings)).collect();
     if let Some(constants) = constants {
         for (projected, &footprint_texels) in projected.iter_mut().zip(&constants.footprints_texels) {
             projected.iter_mut().for_each(|p| p.footprint_texels = footprint_texels);
@@ -122,11 +122,11 @@ fn regularise(
     loss: &mut LossValues,
     grad: &mut Params,
 ) {
-    let opacity_weight = f64::from(weights.opacity) / params.len().max(1) as f64;
-    for i in (0..params.len()).filter(|&i| visible[i]) {
+    let opacity_weight = f64::from(weights.opacity) / params.splats.len().max(1) as f64;
+    for i in (0..params.splats.len()).filter(|&i| visible[i]) {
         let o = params.opacity(i);
         loss.opacity += opacity_weight * o;
-        grad.opacity_logits[i] += opacity_weight * o * (1.0 - o);
+        grad.splats.opacity_logits[i] += opacity_weight * o * (1.0 - o);
         let texture_weight = f64::from(weights.texture);
         for t in params.maps[i].floats() {
             let v = crate::model::texel_value(params.texels[t]);

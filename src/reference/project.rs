@@ -118,10 +118,10 @@ fn footprint_texels(p: &Projected, texel_sizes: [f64; 2]) -> [f64; 2] {
 
 fn sh_colour(params: &Params, i: usize, camera: &Camera, degree: u32) -> DVec3 {
     let direction = (params.position(i) - camera.centre_in_local()).normalize();
-    let degree = degree.min(params.sh_degrees[i].into());
+    let degree = degree.min(params.splats.sh_degrees()[i].into());
     let basis = sh_basis(degree, direction);
-    let first = params.sh_offsets[i] as usize;
+    let first = params.splats.sh_offsets()[i] as usize;
     (0..sh_coefficients(degree))
-        .map(|k| basis[k] * DVec3::from_slice(&params.sh[first + 3 * k..]))
+        .map(|k| basis[k] * DVec3::from_slice(&params.splats.sh[first + 3 * k..]))
         .fold(DVec3::splat(0.5), |sum, term| sum + term)
 }

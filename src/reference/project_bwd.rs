@@ -28,10 +28,10 @@ pub(super) fn project_bwd(
         local_from_camera * by_axes[2],
     );
     let by_quaternion = quaternion_bwd(params.quaternion(i), by_rotation);
-    (0..3).for_each(|k| grad.positions[3 * i + k] += by_position[k]);
-    (0..4).for_each(|k| grad.quaternions[4 * i + k] += by_quaternion[k]);
-    (0..2).for_each(|k| grad.log_scales[2 * i + k] += screen.log_scales[k]);
-    grad.opacity_logits[i] += screen.opacity * projected.opacity * (1.0 - projected.stored_opacity);
+    (0..3).for_each(|k| grad.splats.positions[3 * i + k] += by_position[k]);
+    (0..4).for_each(|k| grad.splats.quaternions[4 * i + k] += by_quaternion[k]);
+    (0..2).for_each(|k| grad.splats.log_scales[2 * i + k] += screen.log_scales[k]);
+    grad.splats.opacity_logits[i] += screen.opacity * projected.opacity * (1.0 - projected.stored_opacity);
 }
 
 /// Adds what the low-pass filter passes on: its covariance on the surfel follows from the projective map at the centre and
@@ -88,14 +88,14 @@ fn sh_bwd(
     );
     let offset = params.position(i) - camera.centre_in_local();
     let direction = offset.normalize();
-    let degree = settings.sh_degree.min(params.sh_degrees[i].into());
+    let degree = settings.sh_degree.min(params.splats.sh_degrees()[i].into());
     let basis = sh_basis(degree, direction);
     let slopes = sh_basis_derivative(degree, direction);
     let mut by_direction = DVec3::ZERO;
     for k in 0..sh_coefficients(degree) {
-        let first = params.sh_offsets[i] as usize + 3 * k;
-        (0..3).for_each(|c| grad.sh[first + c] += basis[k] * by_rgb[c]);
-        by_direction += slopes[k] * DVec3::from_slice(&params.sh[first..]).dot(by_rgb);
+        let first = params.splats.sh_offsets()[i] as usize + 3 * k;
+        (0..3).for_each(|c| grad.splats.sh[first + c] += basis[k] * by_rgb[c]);
+        by_direction += slopes[k] * DVec3::from_slice(&params.splats.sh[first..]).dot(by_rgb);
     }
     (by_direction - direction * direction.dot(by_direction)) / offset.length()
 }

@@ -168,13 +168,17 @@ impl RunFolder {
     /// # Errors
     /// [`Error::Io`].
     pub fn remove_after(&self, step: u32) -> Result<()> {
+        self.remove_steps(|s| s > step)
+    }
+
+    fn remove_steps(&self, is_removed: impl Fn(u32) -> bool) -> Result<()> {
         for entry in entries_or_none(&self.root.join(CHECKPOINTS))? {
-            if step_of_checkpoint_file(&entry).is_some_and(|s| s > step) {
+            if step_of_checkpoint_file(&entry).is_some_and(&is_removed) {
                 remove_file(&entry)?;
             }
         }
         for entry in entries_or_none(&self.root.join(EVALUATIONS))? {
-            if step_of_evaluation(&entry).is_some_and(|s| s > step) {
+            if step_of_evaluation(&entry).is_some_and(&is_removed) {
                 remove_evaluation(&entry, true)?;
             }
         }
@@ -198,18 +202,13 @@ impl RunFolder {
         for entry in entries_or_none(&checkpoints)? {
             let is_leftover =
                 name_of(&entry).is_some_and(|n| n.starts_with(".step-") && n.ends_with(".part"));
-            if is_leftover || step_of_checkpoint_file(&entry).is_some() {
+            if is_leftover {
                 remove_file(&entry)?;
             }
         }
-        let evaluations = self.root.join(EVALUATIONS);
-        for entry in entries_or_none(&evaluations)? {
-            if step_of_evaluation(&entry).is_some() {
-                remove_evaluation(&entry, true)?;
-            }
-        }
+        self.remove_steps(|_| true)?;
         remove_if_empty(&checkpoints)?;
-        remove_if_empty(&evaluations)
+        remove_if_empty(&self.root.join(EVALUATIONS))
     }
 }
 
@@ -328,6 +327,7 @@ fn step_of_evaluation(path: &Path) -> Option<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::run::recorder_tests::files_below;
     use crate::run::view_files::PER_VIEW;
 
     /// Of one view, `a/0001.jpg`.
@@ -348,19 +348,6 @@ mod tests {
             fs::write(path, text).unwrap();
         }
         dir
-    }
-
-    fn files_below(folder: &Path) -> Vec<String> {
-        let mut found = Vec::new();
-        for entry in entries(folder).unwrap() {
-            let name = name_of(&entry).unwrap().to_owned();
-            match entry.is_dir() {
-                true => found.extend(files_below(&entry).into_iter().map(|n| format!("{name}/{n}"))),
-                false => found.push(name),
-            }
-        }
-        found.sort();
-        found
     }
 
     #[test]

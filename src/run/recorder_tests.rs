@@ -1,6 +1,7 @@
 //! A run folder filled by scripted events.
 
 use super::config::{RunConfig, SaveImages};
+use super::evaluations::{entries, name_of};
 use super::folder::{RunFolder, RunLock, find_checkpoint};
 use super::recorder::Recorder;
 use super::view_files::image_name;
@@ -11,40 +12,16 @@ use crate::eval::{Evaluation, quality_of};
 use crate::model::{Model, SplatArrays, TextureMap, TexturePool};
 use crate::train::checkpoint;
 use crate::train::{CurvePoint, SizeFigures, StopReason, TrainConfig, TrainEvent, TrainState};
-use crate::views::{Split, ViewSource};
+use crate::views::{Split, TestViews, ViewSource as _};
 use serde_json::Value;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
-struct TestViews(Vec<&'static str>);
-
-impl ViewSource for TestViews {
-    fn num_views(&self) -> usize {
-        self.0.len()
-    }
-
-    fn name(&self, view: usize) -> &str {
-        self.0[view]
-    }
-
-    fn split(&self, _: usize) -> Split {
-        Split::Test
-    }
-
-    fn camera(&self, _: usize) -> Camera {
-        let pinhole = Pinhole { width_px: 12, height_px: 12, fx_px: 8.0, fy_px: 8.0, cx_px: 6.0, cy_px: 6.0 };
-        Camera { pinhole, camera_from_local: RigidTransform::IDENTITY }
-    }
-
-    fn target(&self, _: usize) -> Result<Arc<TargetImage>> {
-        Ok(Arc::new(TargetImage {
-            width_px: 12,
-            height_px: 12,
-            rgb: vec![100; 12 * 12 * 3],
-            mask: None,
-            alpha: None,
-        }))
-    }
+fn test_views(names: &[&'static str]) -> TestViews {
+    let pinhole = Pinhole { width_px: 12, height_px: 12, fx_px: 8.0, fy_px: 8.0, cx_px: 6.0, cy_px: 6.0 };
+    let camera = Camera { pinhole, camera_from_local: RigidTransform::IDENTITY };
+    let photo = Arc::new(TargetImage::opaque(12, 12, vec![100; 12 * 12 * 3]));
+    TestViews(Split::Test, names.iter().map(|name| (*name, camera, Arc::clone(&photo))).collect())
 }
 
 fn state(step: u32) -> TrainState {
@@ -128,7 +105,7 @@ fn config(steps: u32, save_images: SaveImages) -> RunConfig {
 }
 
 fn run(folder: &RunFolder, save_images: SaveImages, done: u32, steps: u32) {
-    let views = TestViews(vec!["a/0001.jpg", "a/0002.jpg"]);
+    let views = test_views(&["a/0001.jpg", "a/0002.jpg"]);
     let config = config(steps, save_images);
     let mut recorder = Recorder::new(folder, &views, &config, done, || 1.5).unwrap();
     play(&mut recorder, &views, done, steps).unwrap();
@@ -143,22 +120,18 @@ fn metrics(folder: &RunFolder) -> Vec<(String, u64)> {
     text.lines().map(event).collect()
 }
 
-fn files(folder: &Path) -> Vec<String> {
-    fn walk(folder: &Path, root: &Path, out: &mut Vec<String>) {
-        for entry in std::fs::read_dir(folder).unwrap() {
-            let path = entry.unwrap().path();
-            if path.is_dir() {
-                walk(&path, root, out);
-            } else {
-                let name: PathBuf = path.strip_prefix(root).unwrap().into();
-                out.push(name.display().to_string().replace('\\', "/"));
-            }
+/// The paths of all files below a folder.
+pub(super) fn files_below(folder: &Path) -> Vec<String> {
+    let mut found = Vec::new();
+    for entry in entries(folder).unwrap() {
+        let name = name_of(&entry).unwrap().to_owned();
+        match entry.is_dir() {
+            true => found.extend(files_below(&entry).into_iter().map(|n| format!("{name}/{n}"))),
+            false => found.push(name),
         }
     }
-    let mut out = Vec::new();
-    walk(folder, folder, &mut out);
-    out.sort();
-    out
+    found.sort();
+    found
 }
 
 #[test]
@@ -166,7 +139,7 @@ fn non_finite_gradients_are_reported_at_any_step() {
     for (non_finite, told) in [([0, 0], None), ([2, 5], Some(7))] {
         let dir = tempfile::tempdir().unwrap();
         let folder = RunFolder::create(dir.path(), false).unwrap();
-        let (views, config) = (TestViews(vec!["a.jpg"]), config(20, SaveImages::None));
+        let (views, config) = (test_views(&["a.jpg"]), config(20, SaveImages::None));
         let mut recorder = Recorder::new(&folder, &views, &config, 0, || 1.5).unwrap();
         // Neither step has a line in the metrics.
         for (step, non_finite_gradients) in [3, 17].into_iter().zip(non_finite) {
@@ -186,7 +159,7 @@ fn events_fill_the_run_folder() {
     let folder = RunFolder::create(dir.path(), false).unwrap();
     run(&folder, SaveImages::Last, 0, 20);
     assert_eq!(
-        files(dir.path()),
+        files_below(dir.path()),
         [
             ".litetex-train.lock",
             "checkpoints/step-000010.history.json",
@@ -229,7 +202,7 @@ fn save_images_keeps_all_images_or_none() {
     for (save_images, images) in [(SaveImages::None, 0), (SaveImages::Last, 4), (SaveImages::All, 8)] {
         let dir = tempfile::tempdir().unwrap();
         run(&RunFolder::create(dir.path(), false).unwrap(), save_images, 0, 20);
-        let found = files(dir.path()).iter().filter(|f| f.ends_with(".png")).count();
+        let found = files_below(dir.path()).iter().filter(|f| f.ends_with(".png")).count();
         assert_eq!(found, images, "{save_images:?}");
     }
 }
@@ -254,7 +227,7 @@ fn a_resumed_run_keeps_only_the_metrics_before_its_checkpoint() {
 
 #[test]
 fn image_names_follow_the_photos_and_stay_in_their_folder() {
-    let views = TestViews(vec!["x/1.jpg", "1.jpg", "1.png", "../../etc/passwd", "/abs.png"]);
+    let views = test_views(&["x/1.jpg", "1.jpg", "1.png", "../../etc/passwd", "/abs.png"]);
     let names: Vec<String> =
         (0..5).map(|v| image_name(&views, v).display().to_string().replace('\\', "/")).collect();
     assert_eq!(names, ["x/1.png", "1.jpg.png", "1.png.png", "etc/passwd.png", "abs.png"]);

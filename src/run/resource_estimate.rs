@@ -263,13 +263,12 @@ impl ResourceEstimate {
     /// One sentence.
     pub fn describe(&self) -> String {
         let basis = if self.has_budget { "within the budget" } else { "expected, no budget is set" };
-        format!(
-            "{}; {} with {} splats and {} texels ({basis})",
-            self.start.describe(),
-            format_bytes(self.grown.total_bytes),
-            format_count(self.grown_splats),
-            format_count(self.grown_texels)
-        )
+        let (bytes, size) = (format_bytes(self.grown.total_bytes), self.grown_size());
+        format!("{}; {bytes} with {size} ({basis})", self.start.describe())
+    }
+
+    fn grown_size(&self) -> String {
+        format!("{} splats and {} texels", format_count(self.grown_splats), format_count(self.grown_texels))
     }
 
     /// A warning if the machine may not hold what the model may become. No reason to refuse: it may stay
@@ -277,11 +276,9 @@ impl ResourceEstimate {
     pub fn doubt(&self, machine_bytes: Option<u64>) -> Option<String> {
         let have = machine_bytes.filter(|&have| self.grown.total_bytes > have)?;
         Some(format!(
-            "the model may grow to need about {} ({} splats, {} texels), but this machine has {}: limit it with \
-             --budget-params",
+            "the model may grow to need about {} ({}), but this machine has {}: limit it with --budget-params",
             format_bytes(self.grown.total_bytes),
-            format_count(self.grown_splats),
-            format_count(self.grown_texels),
+            self.grown_size(),
             format_bytes(have)
         ))
     }
@@ -416,13 +413,8 @@ mod tests {
         }
     }
 
-    /// The measured peak of a run in MiB (build for tests, x86-64 Linux, glibc), and the sizes that its model
+    /// The measured peak of a run in MiB (build for tests, x86-64 Linux, glibc), and a workload of the sizes that its model
     /// had at the end.
-    struct Measured {
-        peak_mib: f64,
-        workload: Workload,
-    }
-
     fn measured(
         peak_mib: f64,
         [splats, texels]: [u64; 2],
@@ -430,22 +422,19 @@ mod tests {
         [train_views, test_views]: [u64; 2],
         decoding_mib: u64,
         threads: u64,
-    ) -> Measured {
+    ) -> (f64, Workload) {
         let pixels_max = width * height;
         let sizes = Workload { splats, texels, pixels_max, pixels_mean: pixels_max as f64, ..FOX };
         let decoding_bytes = decoding_mib << 20;
-        Measured {
-            peak_mib,
-            workload: Workload { train_views, test_views, decoding_bytes, threads, ..sizes },
-        }
+        (peak_mib, Workload { train_views, test_views, decoding_bytes, threads, ..sizes })
     }
 
     #[test]
     fn memory_is_within_15_percent_of_the_measured_peaks() {
         let mut many = measured(1166.5, [4_718, 41_208], [1600, 1200], [262, 38], 11, 2);
-        many.workload.cache_limit_bytes = 256 << 20;
+        many.1.cache_limit_bytes = 256 << 20;
         let mut large = measured(1331.0, [4_049, 16_116], [3000, 2000], [5, 1], 34, 2);
-        large.workload.cache_limit_bytes = 100 << 20;
+        large.1.cache_limit_bytes = 100 << 20;
         let runs = [
             // 300 JPEGs of 1600 x 1200, an image cache of 256 MiB, 400 steps.
             many,
@@ -462,7 +451,7 @@ mod tests {
             // 50 JPEGs of 1067 x 1899 (fox), reduced to 270 x 480; 200 steps.
             measured(141.9, [14_395, 64_456], [270, 480], [43, 7], 15, 2),
         ];
-        for Measured { peak_mib, workload } in runs {
+        for (peak_mib, workload) in runs {
             let estimate_mib = workload.resources().total_bytes as f64 / f64::from(1 << 20);
             let ratio = estimate_mib / peak_mib;
             assert!((ratio - 1.0).abs() < 0.15, "{estimate_mib:.0} MiB, measured {peak_mib}: {workload:?}");
@@ -470,14 +459,11 @@ mod tests {
     }
 
     #[test]
-    fn decoding_counts_where_photos_are_much_larger_than_views() {
+    fn photos_count_while_they_are_decoded_and_up_to_a_limit_in_the_cache() {
         let workload = Workload { decoding_bytes: 512 << 20, ..FOX };
         let more = workload.resources().total_bytes - FOX.resources().total_bytes;
         assert!(more > 300 << 20 && workload.resources().phase_bytes == 512 << 20);
-    }
-
-    #[test]
-    fn the_image_cache_is_capped() {
+        // The image cache is capped.
         let many = Workload { train_views: 100_000, cache_limit_bytes: 1 << 30, ..FOX };
         assert_eq!(many.resources().image_cache_bytes, 1 << 30);
     }

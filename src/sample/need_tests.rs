@@ -142,11 +142,11 @@ fn a_scene_excludes_a_stress_and_has_no_depths() {
         scene: Some("wall:2".parse().unwrap()),
         ..SampleOptions::default()
     };
-    let dir = std::env::temp_dir().join(format!("litetex-need-{}", std::process::id()));
+    let folder = tempfile::tempdir().unwrap();
+    let dir = folder.path().join("sample");
     let both = SampleOptions { stress: Some("noise".parse().unwrap()), ..options.clone() };
     let error = write_sample(&dir, &both).unwrap_err().to_string();
     assert!(error.contains("found the scene wall:2 and the stress noise:10"), "{error}");
     write_sample(&dir, &options).unwrap();
     assert!(dir.join("truth/scene.json").exists() && !dir.join("truth/depth").exists());
-    std::fs::remove_dir_all(dir).unwrap();
 }

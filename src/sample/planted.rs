@@ -111,7 +111,7 @@ impl Planted {
             background: [GREY; 3],
             exposure: ColourMap::IDENTITY,
         };
-        let projected: Vec<_> = (0..self.params.len())
+        let projected: Vec<_> = (0..self.params.splats.len())
             .map(|i| project(&self.params, i, camera, &settings))
             .map(|p| p.filter(|p| pixel_bounds(p, camera, NEAR_MAX).is_some()))
             .collect();
@@ -132,14 +132,14 @@ impl Planted {
                 "quaternion_wxyz": self.params.quaternion(i),
             })
         };
-        (0..self.params.len()).map(splat).collect()
+        (0..self.params.splats.len()).map(splat).collect()
     }
 
     /// `count` points near the centres of the splats, in turn.
     pub fn points(&self, count: usize) -> Vec<DVec3> {
         let mut rng = stream(self.seed, Stream::Points, 0);
         let place = |i: usize| {
-            let splat = i % self.params.len();
+            let splat = i % self.params.splats.len();
             let sigmas = self.params.scales(splat);
             let jitter = POINT_JITTER * normal_vector(&mut rng).truncate();
             let [u, v] = [0, 1].map(|k| self.params.rotation(splat).col(k) * sigmas[k]);

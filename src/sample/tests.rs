@@ -15,10 +15,6 @@ fn small() -> SampleOptions {
     }
 }
 
-fn folder(name: &str) -> PathBuf {
-    std::env::temp_dir().join(format!("litetex-sample-{name}-{}", std::process::id()))
-}
-
 /// All files below a folder with their bytes, sorted by path.
 fn contents(dir: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     let mut found = Vec::new();
@@ -38,22 +34,20 @@ fn contents(dir: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     found
 }
 
-fn sample(name: &str, options: &SampleOptions) -> Vec<(PathBuf, Vec<u8>)> {
-    let dir = folder(name);
-    write_sample(&dir, options).unwrap();
-    let files = contents(&dir);
-    std::fs::remove_dir_all(dir).unwrap();
-    files
+fn sample(options: &SampleOptions) -> Vec<(PathBuf, Vec<u8>)> {
+    let dir = tempfile::tempdir().unwrap();
+    write_sample(dir.path(), options).unwrap();
+    contents(dir.path())
 }
 
 #[test]
 fn same_options_give_the_same_bytes_for_any_number_of_threads() {
-    let first = sample("a", &small());
+    let first = sample(&small());
     assert_eq!(first.len(), 6 + 3 + 3 + 6 + 1);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-    assert!(pool.install(|| sample("b", &small())) == first);
+    assert!(pool.install(|| sample(&small())) == first);
     // Negative control: another seed changes every image.
-    let other = sample("c", &SampleOptions { seed: 1, ..small() });
+    let other = sample(&SampleOptions { seed: 1, ..small() });
     let images = |files: &[(PathBuf, Vec<u8>)]| -> Vec<Vec<u8>> {
         let png = files.iter().filter(|f| f.0.extension().is_some_and(|e| e == "png"));
         png.map(|f| f.1.clone()).collect()
@@ -65,7 +59,7 @@ fn same_options_give_the_same_bytes_for_any_number_of_threads() {
 fn binary_file_sizes_follow_from_the_counts() {
     let capture = Capture::new(&small());
     let summary = capture.summary();
-    let files = sample("sizes", &small());
+    let files = sample(&small());
     let size = |name: &str| {
         let file = files.iter().find(|f| f.0 == Path::new("sparse/0").join(name));
         file.unwrap().1.len()
@@ -80,7 +74,7 @@ fn binary_file_sizes_follow_from_the_counts() {
 
 #[test]
 fn tracks_and_keypoints_agree() {
-    let files = sample("tracks", &small());
+    let files = sample(&small());
     let text = |name: &str| {
         let file = files.iter().find(|f| f.0 == Path::new("sparse/0").join(name));
         String::from_utf8(file.unwrap().1.clone()).unwrap()
@@ -151,7 +145,8 @@ fn depths_agree_with_the_points() {
 
 #[test]
 fn unusual_options_work_and_invalid_ones_are_refused() {
-    let dir = folder("odd");
+    let folder = tempfile::tempdir().unwrap();
+    let dir = folder.path().join("sample");
     for bad in [
         SampleOptions { views: 1, ..small() },
         SampleOptions { width_px: 0, ..small() },
@@ -163,16 +158,4 @@ fn unusual_options_work_and_invalid_ones_are_refused() {
     assert!(!dir.exists());
     let tiny = SampleOptions { views: 2, width_px: 1, height_px: 1, points: 0, ..small() };
     assert_eq!(write_sample(&dir, &tiny).unwrap().points, 0);
-    std::fs::remove_dir_all(dir).unwrap();
-}
-
-/// Writes the default capture to the folder named by `LITETEX_SAMPLE_DIR`.
-#[test]
-#[ignore = "writes the default capture for visual inspection; takes seconds"]
-fn write_default_capture() {
-    if let Some(dir) = std::env::var_os("LITETEX_SAMPLE_DIR") {
-        let start = std::time::Instant::now();
-        let summary = write_sample(Path::new(&dir), &SampleOptions::default()).unwrap();
-        println!("{summary:?} in {:?}", start.elapsed());
-    }
 }

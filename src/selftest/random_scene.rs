@@ -147,7 +147,7 @@ fn random_target(options: &SceneOptions, rng: &mut Pcg64Mcg) -> TargetImage {
             }
         }
     }
-    TargetImage { width_px: options.width_px, height_px: options.height_px, rgb, mask: None, alpha: None }
+    TargetImage::opaque(options.width_px, options.height_px, rgb)
 }
 
 /// Standard normal variate (Box-Muller).

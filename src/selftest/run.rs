@@ -204,7 +204,7 @@ fn first_step(
         .into_iter()
         .map(|group| {
             let title = name(&format!("gradient of {group:?}"));
-            Check::new(title, &gradient(adam.splats_m.group(group)), expected.group(group), limit)
+            Check::new(title, &gradient(adam.splats_m.group(group)), expected.splats.group(group), limit)
         })
         .collect();
     checks.push(Check::new(name("gradient of Texel"), &gradient(&adam.texels_m), &expected.texels, limit));
@@ -241,8 +241,8 @@ fn ten_steps(
     for t in 1..=STEPS {
         let gradient = reference(scene, &params, &WEIGHTS, ColourMap::IDENTITY).params;
         for group in SplatGroup::ALL {
-            let arrays = [params.group_mut(group), m.group_mut(group), v.group_mut(group)];
-            adam(arrays, gradient.group(group), t, |i| f64::from(rate(&start, group, i)));
+            let [p, m, v] = [&mut params, &mut m, &mut v].map(|all| all.splats.group_mut(group));
+            adam([p, m, v], gradient.splats.group(group), t, |i| f64::from(rate(&start, group, i)));
         }
         adam([&mut params.texels, &mut m.texels, &mut v.texels], &gradient.texels, t, |i| texel_rates[i]);
     }
@@ -252,7 +252,8 @@ fn ten_steps(
     let mut checks: Vec<Check> = SplatGroup::ALL
         .into_iter()
         .map(|group| {
-            let [got, want] = [&got, &params].map(|p| change(p.group(group), start.group(group)));
+            let [got, want] =
+                [&got, &params].map(|p| change(p.splats.group(group), start.splats.group(group)));
             Check::new(name(&format!("ten steps of {group:?}")), &got, &want, limit)
         })
         .collect();
@@ -264,8 +265,8 @@ fn ten_steps(
 /// The learning rate of a float of a group.
 fn rate(params: &Params, group: SplatGroup, float: usize) -> f32 {
     let is_dc = || {
-        let splat = params.sh_offsets.partition_point(|&first| first as usize <= float) - 1;
-        float < params.sh_offsets[splat] as usize + 3
+        let splat = params.splats.sh_offsets().partition_point(|&first| first as usize <= float) - 1;
+        float < params.splats.sh_offsets()[splat] as usize + 3
     };
     match group {
         SplatGroup::Position => RATES.position,

@@ -53,13 +53,7 @@ fn step_without_learning(
     view: &AssetCamera,
     photo: u32,
 ) -> Result<()> {
-    let target = TargetImage {
-        width_px: view.width_px,
-        height_px: view.height_px,
-        rgb: vec![0; 3 * num_pixels(view)],
-        mask: None,
-        alpha: None,
-    };
+    let target = TargetImage::opaque(view.width_px, view.height_px, vec![0; 3 * num_pixels(view)]);
     backend.step(&StepRequest {
         step: 1,
         camera: camera(view),

@@ -53,13 +53,7 @@ impl Difference {
 
 /// An image in 8 bits, to compare others with.
 pub(super) fn target_of(image: &RenderedImage) -> TargetImage {
-    TargetImage {
-        width_px: image.width_px,
-        height_px: image.height_px,
-        rgb: quantised(&image.rgb),
-        mask: None,
-        alpha: None,
-    }
+    TargetImage::opaque(image.width_px, image.height_px, quantised(&image.rgb))
 }
 
 /// Mean squared error of a scene's images against photos, by the test PSNR that the asset states, if it does.

@@ -82,7 +82,7 @@ fn random_image(view: &AssetCamera, seed: u64) -> TargetImage {
     let mut rgb = vec![0; 3 * width_px as usize * height_px as usize];
     Pcg64Mcg::seed_from_u64(seed).fill_bytes(&mut rgb);
     rgb.iter_mut().for_each(|value| *value = if *value < 128 { 0 } else { 255 });
-    TargetImage { width_px, height_px, rgb, mask: None, alpha: None }
+    TargetImage::opaque(width_px, height_px, rgb)
 }
 
 /// Adds the squares of the gradients of a loss, turned into derivatives by the numbers that [`Sensitivities`] names.

@@ -66,7 +66,7 @@ pub fn large_photos() -> MemoryViews {
         camera.camera_from_local.translation.x += 0.05 * (f64::from(i) - 2.5);
         let image = backend.render(&camera, &BLACK).unwrap();
         let rgb = image.rgb.iter().map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8).collect();
-        (camera, Arc::new(TargetImage { width_px: 176, height_px: 132, rgb, mask: None, alpha: None }))
+        (camera, Arc::new(TargetImage::opaque(176, 132, rgb)))
     });
     MemoryViews(views.collect())
 }

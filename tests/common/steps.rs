@@ -45,7 +45,7 @@ pub fn views(scene: &RandomScene) -> Vec<(Camera, TargetImage)> {
         }
         let (w, h) = (40, 33);
         let rgb = (0..3 * w * h).map(|i| (i * 37 % 251) as u8).collect();
-        (camera.resized(w, h), TargetImage { width_px: w, height_px: h, rgb, mask: None, alpha: None })
+        (camera.resized(w, h), TargetImage::opaque(w, h, rgb))
     };
     (0..5).map(turned).collect()
 }

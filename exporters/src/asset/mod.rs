@@ -307,13 +307,32 @@ pub(crate) mod tests {
         }
     }
 
+    /// Pseudo-random numbers below those given, which are at most 2^24.
+    pub(crate) fn random(seed: u32) -> impl FnMut(usize) -> usize {
+        let mut state = seed;
+        move |below| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as usize % below
+        }
+    }
+
+    /// The bytes, of which one to four in the range are now random.
+    pub(crate) fn damaged(
+        bytes: &[u8],
+        range: std::ops::Range<usize>,
+        random: &mut impl FnMut(usize) -> usize,
+    ) -> Vec<u8> {
+        let mut damaged = bytes.to_vec();
+        for _ in 0..=random(4) {
+            damaged[range.start + random(range.len())] = random(256) as u8;
+        }
+        damaged
+    }
+
     /// A small pseudo-random asset with maps of several shapes, some splats without, and SH of several degrees.
     pub(crate) fn fixture(num_splats: usize, sh_degree: u32) -> SplatAsset {
-        let mut state = 7_u32;
-        let mut random = move || {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (state >> 8) as f32 / 16_777_216.0
-        };
+        let mut below = random(7);
+        let mut random = move || below(1 << 24) as f32 / 16_777_216.0;
         let mut asset = SplatAsset {
             sh_degree,
             capture_from_local: Transform::scaled_and_moved(3.7, [10.0, -4.0, 0.5]),

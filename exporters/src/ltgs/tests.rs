@@ -1,7 +1,7 @@
 //! Round trips and damaged files.
 
 use super::*;
-use crate::asset::tests::{camera, fixture};
+use crate::asset::tests::{camera, damaged, fixture, random};
 use crate::{Error, Quality, ReadLimits, SplatAsset};
 use std::path::Path;
 
@@ -288,15 +288,6 @@ fn hostile_headers_and_tables_are_refused() {
     }
 }
 
-/// A small generator of numbers.
-fn random_numbers() -> impl FnMut(usize) -> usize {
-    let mut state = 1_u32;
-    move |below| {
-        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        (state >> 8) as usize % below
-    }
-}
-
 #[test]
 fn truncated_files_are_errors_and_never_panic() {
     for quality in Quality::ALL {
@@ -310,17 +301,13 @@ fn truncated_files_are_errors_and_never_panic() {
 
 #[test]
 fn no_damage_makes_the_reader_panic() {
-    let mut random = random_numbers();
+    let mut random = random(1);
     let (mut refused, mut accepted) = (0, 0);
     for quality in Quality::ALL {
         let bytes = encode(&awkward(40, 1), &options(quality)).unwrap();
         let tables = 64 + u32::from_le_bytes(bytes[28..32].try_into().unwrap()) as usize;
         for round in 0..3000 {
-            let mut damaged = bytes.clone();
-            for _ in 0..=random(3) {
-                let at = random(damaged.len());
-                damaged[at] = random(256) as u8;
-            }
+            let mut damaged = damaged(&bytes, 0..bytes.len(), &mut random);
             if round % 3 > 0 {
                 // Checksums of the blocks and of the tables fit again: the streams themselves must hold.
                 for block in [tables, tables + 24, tables + 48] {

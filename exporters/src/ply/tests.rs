@@ -1,7 +1,7 @@
 //! Writer and reader against each other, against hand-made files and against damage.
 
 use super::*;
-use crate::asset::tests::fixture;
+use crate::asset::tests::{damaged, fixture, random};
 use crate::math::sh::SH_0;
 use crate::{Error, ReadLimits, SplatAsset, Transform};
 use std::path::Path;
@@ -264,21 +264,12 @@ fn no_truncation_is_accepted() {
 
 #[test]
 fn no_damage_makes_the_reader_panic() {
-    let mut state = 1_u32;
-    let mut random = move |below: usize| {
-        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        (state >> 8) as usize % below
-    };
+    let mut random = random(1);
     let (binary, _) = encode_ply(&fixture(3, 0), &PlyOptions::default()).unwrap();
     let mut refused = 0;
     for original in [binary.as_slice(), FOREIGN.as_bytes()] {
         for _ in 0..20_000 {
-            let mut damaged = original.to_vec();
-            for _ in 0..=random(4) {
-                let at = random(damaged.len());
-                damaged[at] = random(256) as u8;
-            }
-            match decode(&damaged) {
+            match decode(&damaged(original, 0..original.len(), &mut random)) {
                 Err(_) => refused += 1,
                 // Accepted files are valid.
                 Ok(read) => read.asset.validate().unwrap(),

@@ -48,11 +48,8 @@ mod tests {
 
     #[test]
     fn rotations_round_trip_within_a_step_and_every_code_is_valid() {
-        let mut state = 1_u32;
-        let mut random = || {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            f64::from(state >> 8) / 8_388_608.0 - 1.0
-        };
+        let mut below = crate::asset::tests::random(1);
+        let mut random = || below(1 << 24) as f64 / 8_388_608.0 - 1.0;
         let mut worst = 0.0_f64;
         for _ in 0..10_000 {
             let q: [f64; 4] = std::array::from_fn(|_| random());

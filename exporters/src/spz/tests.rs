@@ -1,7 +1,7 @@
 //! Writer and reader against each other and against damage.
 
 use super::*;
-use crate::asset::tests::{camera, fixture, front};
+use crate::asset::tests::{camera, damaged, fixture, front, random};
 use crate::fallback::baked::Baker;
 use crate::{Contents, Error, Filter, Provenance, ReadLimits, SplatAsset};
 use std::path::Path;
@@ -151,7 +151,7 @@ fn more_metadata_than_there_is_room_for_are_refused() {
 #[test]
 fn damaged_files_and_other_versions_are_reported() {
     let files = [SpzVersion::V3, SpzVersion::V4].map(|v| encode(&fixture(40, 2), v).unwrap().0);
-    let mut state = 5_u32;
+    let mut random = random(5);
     for bytes in &files {
         for cut in 0..100 {
             assert!(decode(&bytes[..bytes.len() * cut / 100]).is_err(), "cut to {cut} %");
@@ -159,13 +159,7 @@ fn damaged_files_and_other_versions_are_reported() {
     }
     for i in 0..4_000 {
         let bytes = &files[i % 2];
-        let mut damaged = bytes.clone();
-        for _ in 0..3 {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            let at = state as usize % damaged.len();
-            damaged[at] ^= 1 << (state >> 29);
-        }
-        if let Ok(contents) = decode(&damaged) {
+        if let Ok(contents) = decode(&damaged(bytes, 0..bytes.len(), &mut random)) {
             contents.asset.validate().unwrap();
         }
     }

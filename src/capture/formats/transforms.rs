@@ -268,7 +268,7 @@ impl Intrinsics {
                 return Err(unsupported!(
                     path,
                     "{element}: camera_model {}; supported: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, \
-                         OPENCV, FULL_OPENCV, OPENCV_FISHEYE; undistort the photos with another tool",
+                     OPENCV, FULL_OPENCV, OPENCV_FISHEYE; undistort the photos with another tool",
                     quoted(other)
                 ));
             }

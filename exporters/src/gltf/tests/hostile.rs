@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::Error;
+use crate::asset::tests::{damaged, random};
 use crate::gltf::{encode_glb, read_gltf, validate, write_gltf};
 use serde_json::json;
 
@@ -13,15 +14,6 @@ fn survive(bytes: &[u8], what: &str) -> bool {
         contents.asset.validate().unwrap_or_else(|e| panic!("{what}: {e}"));
     }
     read.is_ok()
-}
-
-struct Random(u64);
-
-impl Random {
-    fn below(&mut self, n: usize) -> usize {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        ((self.0 >> 33) as usize) % n
-    }
 }
 
 #[test]
@@ -44,18 +36,15 @@ fn no_truncation_is_accepted() {
 
 #[test]
 fn no_damage_makes_the_reader_panic() {
-    let mut random = Random(3);
+    let mut random = random(3);
     for quality in [Quality::Lossless, Quality::Balanced] {
         let bytes = encode_glb(&hard_fixture(60, 1), &options(quality)).unwrap();
         let json_end = 20 + u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
         let mut accepted = 0;
         for round in 0..3000 {
-            let mut damaged = bytes.clone();
             // Half of them in the JSON, where structure is.
-            let range = if round % 2 == 0 { json_end } else { bytes.len() };
-            for _ in 0..1 + random.below(4) {
-                damaged[random.below(range)] = random.below(256) as u8;
-            }
+            let end = if round % 2 == 0 { json_end } else { bytes.len() };
+            let damaged = damaged(&bytes, 0..end, &mut random);
             accepted += usize::from(survive(&damaged, &format!("round {round}")));
             if round % 20 == 0 {
                 drop(validate(&damaged, Path::new(PATH)));
@@ -71,11 +60,11 @@ fn digits_replaced_by_other_digits_do_not_panic() {
     let bytes = encode_glb(&hard_fixture(60, 1), &options(Quality::Balanced)).unwrap();
     let json_end = 20 + u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
     let digits: Vec<usize> = (20..json_end).filter(|&i| bytes[i].is_ascii_digit()).collect();
-    let mut random = Random(5);
+    let mut random = random(5);
     for round in 0..3000 {
         let mut damaged = bytes.clone();
-        for _ in 0..1 + random.below(3) {
-            damaged[digits[random.below(digits.len())]] = b'0' + random.below(10) as u8;
+        for _ in 0..1 + random(3) {
+            damaged[digits[random(digits.len())]] = b'0' + random(10) as u8;
         }
         survive(&damaged, &format!("round {round}"));
     }
@@ -168,7 +157,7 @@ fn excessive_element_counts_and_low_limits_are_refused() {
 fn damaged_sidecar_files_are_errors() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.gltf");
-    let mut random = Random(9);
+    let mut random = random(9);
     for quality in [Quality::Lossless, Quality::Balanced] {
         let written = write_gltf(&path, &hard_fixture(60, 0), &options(quality)).unwrap();
         let root = std::fs::read(&path).unwrap();
@@ -184,7 +173,7 @@ fn damaged_sidecar_files_are_errors() {
                 if round % 3 == 0 {
                     damaged.truncate(valid.len() * round / 60);
                 } else {
-                    damaged[random.below(valid.len())] ^= 1 << random.below(8);
+                    damaged[random(valid.len())] ^= 1 << random(8);
                 }
                 std::fs::write(file, &damaged).unwrap();
                 let is_changed = damaged != valid;

@@ -91,12 +91,8 @@ mod tests {
 
     #[test]
     fn integers_round_trip_and_damage_is_an_error() {
-        let mut state = 5_u32;
-        let mut random = || {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            state as i32
-        };
-        let mixed: Vec<i32> = (0..1000).map(|i| random() >> (i % 4 * 8)).collect();
+        let mut random = crate::asset::tests::random(5);
+        let mixed: Vec<i32> = (0..1000).map(|i| (random(1 << 24) << 8) as i32 >> (i % 4 * 8)).collect();
         let cases = [
             vec![],
             vec![7],

@@ -1,16 +1,13 @@
 //! Damaged and hostile files, and assets that cannot be written.
 
 use super::*;
+use crate::asset::tests::{damaged, random};
 
 #[test]
 fn truncated_and_damaged_files_are_errors_or_valid() {
     let folder = tempfile::tempdir().unwrap();
     let asset = full(12, 1);
-    let mut state = 99_u64;
-    let mut random = move |n: usize| {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 33) as usize % n
-    };
+    let mut random = random(99);
     for extension in EXTENSIONS {
         let path = write(folder.path(), &format!("d.{extension}"), &asset, Quality::Balanced);
         let bytes = std::fs::read(&path).unwrap();
@@ -21,11 +18,7 @@ fn truncated_and_damaged_files_are_errors_or_valid() {
         }
         let (mut refused, rounds) = (0, 600);
         for _ in 0..rounds {
-            let mut damaged = bytes.clone();
-            for _ in 0..1 + random(3) {
-                damaged[random(bytes.len())] ^= 1 << random(8);
-            }
-            std::fs::write(&path, &damaged).unwrap();
+            std::fs::write(&path, damaged(&bytes, 0..bytes.len(), &mut random)).unwrap();
             match read(&path) {
                 Ok(contents) => contents.asset.validate().unwrap(),
                 Err(_) => refused += 1,
@@ -44,14 +37,9 @@ fn damaged_tables_never_panic() {
     let contents = u64::from_le_bytes(bytes[16..24].try_into().unwrap()) as usize;
     // Values come before the tables.
     let tables = u64::from_le_bytes(bytes[contents + 24..contents + 32].try_into().unwrap()) as usize;
-    let mut state = 7_u64;
-    for round in 0..4000 {
-        let mut damaged = bytes.clone();
-        for _ in 0..1 + round % 4 {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            let at = tables + (state >> 33) as usize % (bytes.len() - tables);
-            damaged[at] = (state >> 20) as u8;
-        }
+    let mut random = random(7);
+    for _ in 0..4000 {
+        let damaged = damaged(&bytes, tables..bytes.len(), &mut random);
         let _ = layer_from_binary(&damaged, Path::new("b"), &ReadLimits::default());
     }
 }
