@@ -60,11 +60,13 @@ impl Scale {
 
     /// At most `most` ticks in ascending order, and at least two where possible.
     pub fn ticks(&self, most: usize) -> Vec<f64> {
+        if !self.is_log {
+            return self.linear_ticks(most);
+        }
         let finest = (&[1.0, 2.0, 5.0][..], 1);
         let spacings = std::iter::once(finest).chain((1..).map(|decades| (&[1.0][..], decades)));
         let all = spacings.map(|(mantissas, decades)| self.log_ticks(mantissas, decades));
-        let fitting =
-            all.take_while(|ticks| self.is_log && ticks.len() >= 2).find(|ticks| ticks.len() <= most);
+        let fitting = all.take_while(|ticks| ticks.len() >= 2).find(|ticks| ticks.len() <= most);
         // Less than a decade: evenly spaced round numbers.
         fitting.unwrap_or_else(|| self.linear_ticks(most))
     }

@@ -185,7 +185,6 @@ fn differences(study: &Study) -> Section {
                 marks.push(Mark {
                     at: (mean, -(rows.len() as f64)),
                     hover: format!("{row}; {}", found.words()),
-                    is_small: scope != Scope::AllPairs,
                     interval: found.interval(),
                     ..Mark::default()
                 });

@@ -117,6 +117,11 @@ fn paired(study: &Study) -> Table {
     for variant in study.others() {
         for measure in study.qualities.iter().chain([&study.params, &study.time]) {
             for scope in Scope::all(study) {
+                if let Scope::SceneBudget(scene, budget) = scope
+                    && study.group(scene, variant, budget).runs.is_empty()
+                {
+                    continue;
+                }
                 let found = compare(study, variant, scope, measure);
                 let (pairs, scene, budget) = match scope {
                     Scope::AllPairs => ("runs", "all", "all"),
