@@ -5,11 +5,10 @@ A panel per capture: held-out PSNR against the bytes of the file, a line per for
 exposure of a single photo can do, the panel shows gradient-PSNR instead. Prints what share of the bytes of SOG and SPZ a `.ltgs` file of
 equal quality takes, interpolated between the files measured.
 """
-import json
 import math
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
+import shared
+
 FORMATS = {"ltgs": (".ltgs, textured", "#2a6fdb"), "sog": ("SOG", "#c2571a"), "spz": ("SPZ", "#8a3fb0")}
 FIGURES = {"psnr": "PSNR, dB", "grad_psnr": "gradient-PSNR, dB"}
 # Of a panel, pixels.
@@ -87,7 +86,7 @@ def legend():
 
 
 def main():
-    lines = [json.loads(line) for line in (ROOT / "lab/results/readme.jsonl").read_text().splitlines()]
+    lines = shared.read()
     captures = list(dict.fromkeys(line["capture"] for line in lines))
     width, height = LEFT + STRIDE * (len(captures) - 1) + WIDTH + 20, TOP + HEIGHT + 64
     out = [f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}" role="img" '
@@ -95,7 +94,7 @@ def main():
     for at, capture in enumerate(captures):
         out += panel(lines, capture, at)
         print(*shares(lines, capture), sep="\n")
-    (ROOT / "docs/images/quality-by-bytes.svg").write_text("\n".join([*out, *legend(), "</svg>", ""]))
+    (shared.ROOT / "docs/images/quality-by-bytes.svg").write_text("\n".join([*out, *legend(), "</svg>", ""]))
 
 
 if __name__ == "__main__":

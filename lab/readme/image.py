@@ -3,13 +3,13 @@
 
 The first held-out photo of the fox, the same view of the `.ltgs` file, and of the SOG file of nearest size.
 """
-import json
 import sys
 from pathlib import Path
 
 from PIL import Image, ImageDraw, ImageFont
 
-ROOT = Path(__file__).resolve().parents[2]
+import shared
+
 CAPTURE, OURS = "fox", ("litetex", 300_000)
 # Part of the view, as shares of its sides; how much it is enlarged; pixels between the panels.
 CROP = (0.0, 0.14, 1.0, 0.86)
@@ -31,8 +31,7 @@ def panel(path, label):
 
 def main():
     work = Path(sys.argv[1])
-    lines = [json.loads(line) for line in (ROOT / "lab/results/readme.jsonl").read_text().splitlines()]
-    lines = [line for line in lines if line["capture"] == CAPTURE]
+    lines = [line for line in shared.read() if line["capture"] == CAPTURE]
     ours = next(line for line in lines if (line["policy"], line["budget_params"]) == OURS)
     theirs = min((line for line in lines if line["format"] == "sog"), key=lambda line: abs(line["bytes"] - ours["bytes"]))
     name = ours["figures"]["per_view"][0]["name"]
@@ -46,7 +45,7 @@ def main():
     whole = Image.new("RGB", (3 * width + 2 * GAP_PX, height), "white")
     for at, image in enumerate(panels):
         whole.paste(image, (at * (width + GAP_PX), 0))
-    whole.save(ROOT / "docs/images/compare.jpg", quality=88, subsampling=0)
+    whole.save(shared.ROOT / "docs/images/compare.jpg", quality=88, subsampling=0)
     print(f"{name}: {whole.width} x {whole.height} pixels")
 
 

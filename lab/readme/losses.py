@@ -5,22 +5,13 @@ Exports the run of the fox with 300,000 parameters that measure.py left, and wri
 PSNR of the scene and of the file on the photos, and of what programs without textures show of it.
 """
 import json
-import subprocess
 import sys
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
+import shared
+
 RUN = "fox-litetex-300000/run"
 FILES = [("html", "balanced"), ("ltgs", "tiny"), ("glb", "balanced"), ("usdz", "balanced"), ("ply", None), ("spz", None)]
-
-
-def verify(binary, file, run_folder):
-    # Files that exceed the limits of their quality, as those without textures may: exit code 1.
-    command = [binary, "verify", file, "--against", run_folder, "--json", "--device", "cpu"]
-    done = subprocess.run(command, capture_output=True, text=True)
-    if done.returncode not in (0, 1):
-        sys.exit(f"error: {file}: {done.stderr}")
-    return json.loads(done.stdout)["verdict"]["on_test_photos"]
 
 
 def main():
@@ -30,13 +21,14 @@ def main():
     for extension, quality in FILES:
         file = work / f"loss.{extension}"
         options = ["--quality", quality] if quality else []
-        subprocess.run([binary, "-q", "export", work / RUN, "-o", file, "--force", "--device", "cpu", *options],
-                       check=True, stdout=subprocess.DEVNULL)
-        photos = verify(binary, file, work / RUN)
+        shared.run(binary, "-q", "export", work / RUN, "-o", file, "--force", "--device", "cpu", *options)
+        # Files that exceed the limits of their quality, as those without textures may: exit code 1.
+        printed = shared.run(binary, "verify", file, "--against", work / RUN, "--json", "--device", "cpu", codes=(0, 1))
+        photos = json.loads(printed)["verdict"]["on_test_photos"]
         lines.append({"file": extension, "quality": quality, "bytes": file.stat().st_size, "scene_psnr": scene["quality"]["psnr"],
                       "psnr": photos["after"], "psnr_without_textures": photos["fallback"], "version": scene["version"]})
         print(lines[-1], flush=True)
-    (ROOT / "lab/results/readme-losses.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
+    shared.write("readme-losses.jsonl", lines)
 
 
 if __name__ == "__main__":

@@ -9,14 +9,12 @@ Every file is rendered from the held-out views and compared with the photos. Wri
 Needs Node.js 20 with npm, and the Python packages of tests/third_party/requirements.txt named numpy and pillow.
 """
 import json
-import subprocess
 import sys
 from pathlib import Path
 
 import photos
+from shared import ROOT, run, write
 
-ROOT = Path(__file__).resolve().parents[2]
-RESULTS = ROOT / "lab/results/readme.jsonl"
 BUDGETS = [75_000, 150_000, 300_000]
 CAPTURES = ["fox", "flower"]
 SETTINGS = ["--max-resolution", "480", "--steps", "1000", "--seed", "1", "--device", "cpu"]
@@ -26,13 +24,6 @@ PINNED = json.loads((ROOT / "tests/third_party/package.json").read_text())["depe
 FORMATS = {"litetex": ["ltgs"], "plain": ["sog", "spz"]}
 # What is kept of the summary of a run.
 KEPT = ["version", "device", "capture", "seed", "steps", "profile", "policy", "quality", "size", "time"]
-
-
-def run(*command):
-    done = subprocess.run([str(word) for word in command], capture_output=True, text=True)
-    if done.returncode != 0:
-        sys.exit(f"error: {' '.join(map(str, command))}: exit code {done.returncode}\n{done.stderr}")
-    return done.stdout
 
 
 def splat_transform(source, target):
@@ -58,7 +49,7 @@ def with_filter(binary, plain, folder):
     return file
 
 
-def write(binary, run_folder, extension, folder):
+def export(binary, run_folder, extension, folder):
     """Writes the scene of a run in a format; returns that file, and one with the same splats that litetex renders."""
     file = folder / f"scene.{extension}"
     if extension == "sog":
@@ -91,12 +82,12 @@ def main():
                 folder = work / f"{name}-{policy}-{budget}"
                 summary = train(binary, captures / name, policy, budget, folder / "run")
                 for extension in formats:
-                    file, readable = write(binary, folder / "run", extension, folder)
+                    file, readable = export(binary, folder / "run", extension, folder)
                     figures = score(binary, readable, captures / name, folder)
                     lines.append({"capture": name, "policy": policy, "budget_params": budget, "format": extension,
                                   "bytes": file.stat().st_size, "figures": figures, "settings": SETTINGS,
                                   "scene": {key: summary[key] for key in KEPT}})
-    RESULTS.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    write("readme.jsonl", lines)
 
 
 if __name__ == "__main__":

@@ -2,8 +2,8 @@
 //! apply to means over the seeds.
 
 use crate::results::{Record, Status};
+use crate::stats::Stats;
 use serde::Deserialize;
-use serde_json::Value;
 
 /// Exit codes of the program by which a run tells what is wrong with its input.
 const CLEAR_ERRORS: std::ops::RangeInclusive<i32> = 2..=4;
@@ -143,7 +143,7 @@ impl Check {
         let Some(value) = value else { return unknown("no figure") };
         let factor = match (&self.times_variant, self.times_sd) {
             (Some(other), _) => self.value(records, scene, other).map(|v| v.max(0.0)),
-            (None, true) => self.from_scene.as_ref().and_then(|from| self.sd(records, from, variant)),
+            (None, true) => self.from_scene.as_ref().and_then(|from| self.stats(records, from, variant)?.sd),
             (None, false) => Some(1.0),
         };
         let Some(factor) = factor else { return unknown("no limit") };
@@ -155,56 +155,50 @@ impl Check {
 
     fn value(&self, records: &[Record], scene: &str, variant: &str) -> Option<f64> {
         let own = self.mean(records, scene, variant)?;
-        if let Some(over) = self.over {
-            return Some(own / over);
+        let other = |of_scene: &Option<String>, of_variant: &Option<String>| {
+            let is_given = of_scene.is_some() || of_variant.is_some();
+            let (scene, variant) =
+                (of_scene.as_deref().unwrap_or(scene), of_variant.as_deref().unwrap_or(variant));
+            is_given.then(|| self.mean(records, scene, variant))
+        };
+        if let Some(from) = other(&self.from_scene, &self.from_variant) {
+            return Some(from? - own);
+        }
+        if let Some(over) = other(&self.over_scene, &self.over_variant) {
+            return Some(ratio(own, over?));
         }
         if let Some(measure) = &self.over_measure {
             let other = Self { measure: measure.clone(), contains: Vec::new(), ..self.clone() };
             return Some(ratio(own, other.mean(records, scene, variant)?));
         }
-        let of_scene = |other: &Option<String>| self.mean(records, other.as_ref()?, variant);
-        let of_variant = |other: &Option<String>| self.mean(records, scene, other.as_ref()?);
-        match (&self.from_scene, &self.over_scene, &self.from_variant, &self.over_variant) {
-            (Some(_), ..) => Some(of_scene(&self.from_scene)? - own),
-            (_, Some(_), ..) => Some(ratio(own, of_scene(&self.over_scene)?)),
-            (_, _, Some(_), _) => Some(of_variant(&self.from_variant)? - own),
-            (.., Some(_)) => Some(ratio(own, of_variant(&self.over_variant)?)),
-            _ => Some(own),
-        }
-    }
-
-    fn values(&self, records: &[Record], scene: &str, variant: &str) -> Vec<f64> {
-        of(records, scene, variant).filter_map(|r| self.figure(r)).collect()
+        Some(own / self.over.unwrap_or(1.0))
     }
 
     fn figure(&self, record: &Record) -> Option<f64> {
-        let list = record.summary.as_ref()?.pointer(&self.measure).and_then(|v| v.as_array());
         if let Some(psnr) = self.reaches {
-            let number = |point: &Value, key: &str| point.get(key).and_then(Value::as_f64);
-            let is_there = |point: &&Value| number(point, "psnr_test").is_some_and(|found| found >= psnr);
-            return number(list?.iter().find(is_there)?, "cpu_secs");
+            let points = record.points(&self.measure, ["psnr_test", "cpu_secs"]);
+            return points.iter().find(|p| p[0] >= psnr).map(|p| p[1]);
         }
         if self.contains.is_empty() {
             return record.number(&self.measure);
         }
+        record.summary.as_ref()?;
+        let list = record.value(&self.measure).and_then(|v| v.as_array());
         let has = |name: &&String| list.is_some_and(|l| l.iter().any(|v| v.as_str() == Some(name)));
         Some(self.contains.iter().filter(has).count() as f64 / self.contains.len() as f64)
     }
 
-    fn mean(&self, records: &[Record], scene: &str, variant: &str) -> Option<f64> {
-        let values = self.values(records, scene, variant);
+    fn stats(&self, records: &[Record], scene: &str, variant: &str) -> Option<Stats> {
+        let figures: Vec<Option<f64>> = of(records, scene, variant).map(|r| self.figure(r)).collect();
         // Runs that never reach the PSNR must not drop out of the mean.
-        if self.reaches.is_some() && values.len() < of(records, scene, variant).count() {
+        if self.reaches.is_some() && figures.contains(&None) {
             return None;
         }
-        (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+        Stats::of(&figures.into_iter().flatten().collect::<Vec<_>>())
     }
 
-    fn sd(&self, records: &[Record], scene: &str, variant: &str) -> Option<f64> {
-        let values = self.values(records, scene, variant);
-        let mean = self.mean(records, scene, variant)?;
-        let squares: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
-        (values.len() > 1).then(|| (squares / (values.len() - 1) as f64).sqrt())
+    fn mean(&self, records: &[Record], scene: &str, variant: &str) -> Option<f64> {
+        Some(self.stats(records, scene, variant)?.mean)
     }
 }
 

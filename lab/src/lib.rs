@@ -8,4 +8,5 @@ pub mod checks;
 pub mod machine;
 pub mod matrix;
 pub mod results;
+mod stats;
 pub mod words;

@@ -8,9 +8,9 @@ use std::time::{Instant, SystemTime, UNIX_EPOCH};
 const LOAD1_SECS: f64 = 60.0;
 /// A run on the CPU with more wall seconds per CPU second did not even have one core to itself: a single busy thread
 /// gives 1, reading photos and waiting for disks a little more.
-const STARVED_WALL_PER_CPU: f64 = 1.25;
+const BUSY_WALL_PER_CPU: f64 = 1.25;
 /// Shorter runs are not checked for that: the system's CPU clock is too coarse.
-const STARVED_CPU_SECS_MIN: f64 = 1.0;
+const CHECKED_CPU_SECS_MIN: f64 = 1.0;
 
 /// Describes this machine, as far as the system tells.
 pub fn hardware(memory_bytes: Option<u64>) -> Hardware {
@@ -103,8 +103,8 @@ pub fn noise(q: &Conditions) -> Vec<String> {
         why.push(format!("{} runs at the same time", q.jobs));
     }
     if let Some((wall, cpu)) = q.wall_and_cpu_secs
-        && cpu >= STARVED_CPU_SECS_MIN
-        && wall > STARVED_WALL_PER_CPU * cpu
+        && cpu >= CHECKED_CPU_SECS_MIN
+        && wall > BUSY_WALL_PER_CPU * cpu
     {
         why.push(format!("{wall:.1} s of training with only {cpu:.1} CPU seconds"));
     }

@@ -4,7 +4,7 @@
 use crate::checks::Check;
 use litetex_gs::{Error, Result, input_file};
 use serde::Deserialize;
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeSet, HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 /// Longest name of a scene, variant or budget: names appear in tables and legends.
@@ -16,63 +16,39 @@ const FILE_BYTES_MAX: u64 = 1 << 24;
 /// The only variant or budget of a matrix that names none.
 const DEFAULT_NAME: &str = "default";
 
-/// What a matrix must know of the command that its cells run.
-pub trait TrainCommand {
+/// What a matrix must know of the commands that its cells run.
+pub trait Commands {
     /// The flag of `train` that takes a bare variant's name: `--policy` or `--profile`.
     fn flag_of(&self, name: &str) -> Option<&'static str>;
 
     /// Seed of a matrix that lists none.
     fn default_seed(&self) -> u64;
 
-    /// Checks the arguments of a cell and returns the settings file among them.
+    /// Checks the arguments of `litetex train`, `sample` or `eval`, or of `litetex-lab figures`.
     ///
     /// # Errors
     /// A message that says which argument is wrong.
-    fn check(&self, args: &[String]) -> Result<Option<PathBuf>, String>;
-
-    /// Checks the arguments that make a capture.
-    ///
-    /// # Errors
-    /// A message that says which argument is wrong.
-    fn check_sample(&self, args: &[String]) -> Result<(), String>;
-
-    /// Checks the arguments that evaluate a run.
-    ///
-    /// # Errors
-    /// A message that says which argument is wrong.
-    fn check_eval(&self, args: &[String]) -> Result<(), String>;
-
-    /// Checks the arguments of `litetex-lab figures`.
-    ///
-    /// # Errors
-    /// A message that says which argument is wrong.
-    fn check_figures(&self, args: &[String]) -> Result<(), String>;
+    fn check(&self, command: &str, args: &[String]) -> Result<(), String>;
 }
 
 /// A capture to train on.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 pub struct SceneEntry {
     /// Name in the results; the file name of `path` if empty.
-    #[serde(default)]
     pub name: String,
     /// The capture, relative to the working directory; empty for one that `sample` makes.
-    #[serde(default)]
     pub path: PathBuf,
     /// Arguments of the command that makes the capture.
-    #[serde(default)]
     pub sample: Vec<String>,
     /// Arguments for runs on this capture.
-    #[serde(default)]
     pub args: Vec<String>,
     /// Arguments of the command that evaluates runs on this capture.
-    #[serde(default)]
     pub eval: Vec<String>,
     /// Arguments of `litetex-lab figures` for runs on this capture.
-    #[serde(default)]
     pub figures: Vec<String>,
     /// What is expected of runs on this capture.
-    #[serde(default, rename = "check")]
+    #[serde(rename = "check")]
     pub checks: Vec<Check>,
 }
 
@@ -164,7 +140,7 @@ impl Matrix {
     /// # Errors
     /// [`Error::Usage`] naming what is missing, duplicated or not understood; [`Error::Io`] for a settings file
     /// among the arguments.
-    pub fn cells(&self, command: &impl TrainCommand) -> Result<Vec<Cell>> {
+    pub fn cells(&self, command: &impl Commands) -> Result<Vec<Cell>> {
         let matrix = self.completed(command)?;
         let mut cells = Vec::new();
         for &seed in &matrix.seeds {
@@ -187,26 +163,28 @@ impl Matrix {
         variant: &NamedArgs,
         budget: &NamedArgs,
         seed: u64,
-        command: &impl TrainCommand,
+        command: &impl Commands,
     ) -> Result<Cell> {
-        let parts = [&self.common, &scene.args, &variant.args, &budget.args];
-        let args: Vec<String> = parts.into_iter().flatten().cloned().collect();
-        let joined = |a: &[String], b: &[String]| [a, b].concat();
-        let sample = if scene.sample.is_empty() { Vec::new() } else { joined(&self.sample, &scene.sample) };
-        let eval = joined(&self.eval, &scene.eval);
-        let of_scene = |e: String| Error::Usage(format!("scene {:?}: {e}", scene.name));
-        if !sample.is_empty() {
-            command.check_sample(&sample).map_err(of_scene)?;
-        }
-        command.check_eval(&eval).map_err(of_scene)?;
-        command.check_figures(&scene.figures).map_err(of_scene)?;
-        let config = command.check(&args).map_err(|e| {
+        let args = [&*self.common, &scene.args, &variant.args, &budget.args].concat();
+        let sample =
+            if scene.sample.is_empty() { Vec::new() } else { [&*self.sample, &scene.sample].concat() };
+        let eval = [&*self.eval, &scene.eval].concat();
+        for (name, args) in
+            [("train", &args), ("sample", &sample), ("eval", &eval), ("figures", &scene.figures)]
+        {
             let (scene, variant, budget) = (&scene.name, &variant.name, &budget.name);
-            Error::Usage(format!("scene {scene:?}, variant {variant:?}, budget {budget:?}: {e}"))
-        })?;
+            let names = match name {
+                "train" => format!("scene {scene:?}, variant {variant:?}, budget {budget:?}"),
+                _ => format!("scene {scene:?}"),
+            };
+            // Without arguments only `train` is run.
+            if name == "train" || !args.is_empty() {
+                command.check(name, args).map_err(|e| Error::Usage(format!("{names}: {e}")))?;
+            }
+        }
         Ok(Cell {
             index,
-            key: key(&scene.name, [&args, &sample, &joined(&eval, &scene.figures)], seed, config.as_deref())?,
+            key: key(&scene.name, &args, &sample, &[&*eval, &scene.figures].concat(), seed)?,
             scene: scene.name.clone(),
             path: scene.path.clone(),
             sample,
@@ -220,7 +198,7 @@ impl Matrix {
     }
 
     /// The matrix with its defaults filled in, after all checks that need no run.
-    fn completed(&self, command: &impl TrainCommand) -> Result<Self> {
+    fn completed(&self, command: &impl Commands) -> Result<Self> {
         let mut matrix = self.clone();
         if matrix.scenes.is_empty() {
             return Err(Error::Usage(
@@ -338,13 +316,16 @@ fn check_distinct(cells: &[Cell]) -> Result<()> {
     }
 }
 
-/// FNV-1a over everything that shapes the result, as text.
-fn key(scene: &str, args: [&[String]; 3], seed: u64, config: Option<&Path>) -> Result<String> {
-    let config = match config {
-        None => String::new(),
-        Some(path) => input_file::read_text(path, FILE_BYTES_MAX)?,
+/// FNV-1a over everything that shapes the result, as text, with the last settings file among the arguments.
+fn key(scene: &str, args: &[String], sample: &[String], eval: &[String], seed: u64) -> Result<String> {
+    let file_of = |(at, word): (usize, &String)| match word.strip_prefix("--config")? {
+        "" => args.get(at + 1).map(PathBuf::from),
+        rest => rest.strip_prefix('=').map(PathBuf::from),
     };
-    let [args, sample, eval] = args;
+    let config = match args.iter().enumerate().filter_map(file_of).next_back() {
+        None => String::new(),
+        Some(path) => input_file::read_text(&path, FILE_BYTES_MAX)?,
+    };
     let whole =
         serde_json::json!([scene, args, sample, eval, seed, config, env!("CARGO_PKG_VERSION")]).to_string();
     let hash = whole
@@ -356,29 +337,17 @@ fn key(scene: &str, args: [&[String]; 3], seed: u64, config: Option<&Path>) -> R
 /// Checks that the captures of these cells exist, so that a missing one is reported once and not by every run.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] naming all that are missing.
+/// [`Error::InvalidInput`] naming the first that is missing, and all scenes without one.
 pub fn check_captures(cells: &[&Cell]) -> Result<()> {
-    let mut missing: Vec<&Cell> = Vec::new();
-    for cell in cells {
-        let is_missing = cell.sample.is_empty() && !cell.path.exists();
-        if is_missing && missing.iter().all(|m| m.scene != cell.scene) {
-            missing.push(cell);
-        }
-    }
-    let Some((first, others)) = missing.split_first() else { return Ok(()) };
-    let runs = cells.iter().filter(|c| missing.iter().any(|m| m.scene == c.scene)).count();
-    let others: Vec<String> =
-        others.iter().map(|c| format!("{} (scene {:?})", c.path.display(), c.scene)).collect();
-    let others =
-        if others.is_empty() { String::new() } else { format!("; also missing: {}", others.join(", ")) };
-    Err(Error::invalid(
-        &first.path,
-        format!(
-            "no such capture (scene {:?}){others}; {runs} runs need what is missing: correct the path, or leave the \
-             scene out",
-            first.scene
-        ),
-    ))
+    let missing: Vec<_> = cells.iter().filter(|c| c.sample.is_empty() && !c.path.exists()).collect();
+    let Some(first) = missing.first() else { return Ok(()) };
+    let scenes: BTreeSet<String> = missing.iter().map(|c| format!("{:?}", c.scene)).collect();
+    let scenes = scenes.into_iter().collect::<Vec<_>>().join(", ");
+    let what = format!(
+        "no such capture; {} runs need the captures of {scenes}: correct the paths, or leave these scenes out",
+        missing.len()
+    );
+    Err(Error::invalid(&first.path, what))
 }
 
 /// The runs of one part of `of`. All variants of a seed, scene and budget stay together: they are compared with each
@@ -401,10 +370,10 @@ mod tests {
     use super::*;
     use crate::words::{parse_named_args, parse_scene};
 
-    /// Knows two policies and refuses flags that begin with `--x`; takes the word after `--config` as a file.
+    /// Knows two policies and refuses flags that begin with `--x`.
     struct Command;
 
-    impl TrainCommand for Command {
+    impl Commands for Command {
         fn flag_of(&self, name: &str) -> Option<&'static str> {
             ["plain", "fixed:4"].contains(&name).then_some("--policy")
         }
@@ -413,24 +382,10 @@ mod tests {
             42
         }
 
-        fn check(&self, args: &[String]) -> Result<Option<PathBuf>, String> {
-            if let Some(wrong) = args.iter().find(|a| a.starts_with("--x")) {
-                return Err(format!("{wrong}: unknown"));
-            }
-            let config = args.iter().position(|a| a == "--config");
-            Ok(config.and_then(|i| args.get(i + 1)).map(PathBuf::from))
-        }
-
-        fn check_sample(&self, args: &[String]) -> Result<(), String> {
-            self.check(args).map(|_| ())
-        }
-
-        fn check_eval(&self, args: &[String]) -> Result<(), String> {
-            self.check(args).map(|_| ())
-        }
-
-        fn check_figures(&self, args: &[String]) -> Result<(), String> {
-            self.check(args).map(|_| ())
+        fn check(&self, _: &str, args: &[String]) -> Result<(), String> {
+            args.iter()
+                .find(|a| a.starts_with("--x"))
+                .map_or(Ok(()), |wrong| Err(format!("{wrong}: unknown")))
         }
     }
 
@@ -534,8 +489,10 @@ mod tests {
         };
         let check = |cells: &[Cell]| check_captures(&cells.iter().collect::<Vec<_>>());
         let error = check(&cells(&["lost", "here", "gone"])).unwrap_err().to_string();
-        assert!(error.contains("lost: no such capture (scene \"lost\"); also missing: "), "{error}");
-        assert!(error.contains("gone (scene \"gone\"); 24 runs"), "{error}");
+        assert!(
+            error.contains("lost: no such capture; 24 runs need the captures of \"gone\", \"lost\":"),
+            "{error}"
+        );
         assert_eq!(error.matches("no such capture").count(), 1, "{error}");
         // Negative control.
         check(&cells(&["here"])).unwrap();
@@ -608,11 +565,12 @@ mod tests {
     }
 
     #[test]
-    fn a_changed_settings_file_changes_the_key() {
+    fn a_change_of_the_last_settings_file_changes_the_key() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("c.toml");
         let mut matrix = matrix();
-        matrix.common = vec!["--config".to_owned(), path.to_str().unwrap().to_owned()];
+        matrix.common =
+            ["--config", "unread.toml", &format!("--config={}", path.display())].map(str::to_owned).into();
         assert!(matches!(matrix.cells(&Command), Err(Error::Io { .. })));
         std::fs::write(&path, "[train]\nsteps = 3\n").unwrap();
         let before = matrix.cells(&Command).unwrap();

@@ -12,6 +12,9 @@ use std::path::Path;
 /// Identifier and version of the schema.
 pub const SCHEMA: &str = "litetex-results/2";
 
+/// Largest figure that counts, in any unit: a single larger one of damaged results would ruin every mean and every axis.
+const FIGURE_MAX: f64 = 1e15;
+
 /// Whether a run has a result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -106,10 +109,29 @@ impl Record {
         )
     }
 
-    /// The number at a JSON pointer into the summary such as `/quality/psnr`; `None` if missing or not finite.
-    pub fn number(&self, pointer: &str) -> Option<f64> {
-        self.summary.as_ref()?.pointer(pointer)?.as_f64().filter(|x| x.is_finite())
+    /// What is at a JSON pointer into the summary such as `/quality/psnr`.
+    pub fn value(&self, pointer: &str) -> Option<&Value> {
+        self.summary.as_ref()?.pointer(pointer)
     }
+
+    /// The number at a JSON pointer into the summary; `None` if it is missing or implausible.
+    pub fn number(&self, pointer: &str) -> Option<f64> {
+        plausible(self.value(pointer)?)
+    }
+
+    /// The points of the list at a JSON pointer that have all of these numbers.
+    pub fn points<const N: usize>(&self, pointer: &str, keys: [&str; N]) -> Vec<[f64; N]> {
+        let points = self.value(pointer).and_then(Value::as_array).into_iter().flatten();
+        let point = |p: &Value| {
+            let numbers: Option<Vec<f64>> = keys.iter().map(|key| plausible(p.get(key)?)).collect();
+            numbers?.try_into().ok()
+        };
+        points.filter_map(point).collect()
+    }
+}
+
+fn plausible(value: &Value) -> Option<f64> {
+    value.as_f64().filter(|x| x.abs() <= FIGURE_MAX)
 }
 
 /// Appends a line in one write, on a line of its own even if an interrupted write left half a line.
@@ -199,7 +221,7 @@ mod tests {
     fn record(key: &str, seed: u64) -> Record {
         let line = format!(
             r#"{{"schema":"{SCHEMA}","key":"{key}","scene":"s","variant":"v","budget":"b","seed":{seed},
-               "status":"ok","summary":{{"quality":{{"psnr":20.5,"flip":null}}}}}}"#
+               "status":"ok","summary":{{"quality":{{"psnr":20.5,"flip":null,"ssim":1e308}}}}}}"#
         );
         let (records, report) = parse("x", line.replace('\n', " ").as_bytes());
         assert!(report.warnings.is_empty(), "{report:?}");
@@ -207,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn most_fields_are_optional_and_null_is_a_missing_value() {
+    fn most_fields_are_optional_and_null_and_the_implausible_are_missing_values() {
         let record = record("k", 3);
         assert_eq!((record.seed, record.status), (3, Status::Ok));
         assert_eq!(record.number("/quality/psnr"), Some(20.5));

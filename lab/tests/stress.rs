@@ -71,8 +71,8 @@ fn every_stress_trains_is_evaluated_and_charted() {
         }
     }
     assert_eq!(code, if of("no points")["status"] == "ok" { 0 } else { 1 }, "{stdout}{stderr}");
-    let row = |line: &str| line.starts_with("| sky |") && line.contains("PSNR");
-    assert!(stdout.contains("Checks") && stdout.lines().any(row), "{stdout}");
+    let row = |line: &str| line.starts_with("sky ") && line.contains("PSNR");
+    assert!(stdout.contains("every check passes") && stdout.lines().any(row), "{stdout}");
     for kind in WITH_REGIONS {
         let regions = &of(kind)["summary"]["figures"]["regions"];
         assert!(regions["pixel_share"].as_f64().is_some_and(|s| s > 0.0 && s < 1.0), "{kind}: {regions}");

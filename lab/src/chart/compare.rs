@@ -1,8 +1,8 @@
 //! Paired comparison of variants with the baseline: differences, their 95 % intervals, and what may be concluded.
 
-use super::measure::{Better, Measure};
-use super::stats::Stats;
-use super::study::{Group, Study};
+use super::measure::Measure;
+use super::study::Study;
+use crate::stats::Stats;
 
 /// Fewer pairs are marked as too few for a claim.
 pub const CLAIM_PAIRS_MIN: usize = 5;
@@ -41,7 +41,7 @@ impl Difference {
             Some((_, None)) => Conclusion::SinglePair,
             Some((s, _)) if s.min == 0.0 && s.max == 0.0 => Conclusion::Equal,
             Some((_, Some((low, high)))) if low <= 0.0 && high >= 0.0 => Conclusion::Undecided,
-            Some((s, _)) if (s.mean > 0.0) == (measure.better == Better::Higher) => Conclusion::Better,
+            Some((s, _)) if (s.mean > 0.0) == measure.is_gain => Conclusion::Better,
             Some(_) => Conclusion::Worse,
         };
         Self { stats, is_ratio: measure.is_cost, conclusion }
@@ -93,6 +93,22 @@ pub enum Scope<'a> {
     SceneMeans,
 }
 
+impl<'a> Scope<'a> {
+    /// All scopes that differ, the widest first.
+    pub fn all(study: &'a Study) -> Vec<Self> {
+        let mut all = vec![Self::AllPairs];
+        if study.scenes.len() > 1 {
+            all.push(Self::SceneMeans);
+        }
+        if study.scenes.len() * study.budgets.len() > 1 {
+            let of_scene =
+                |scene: &'a String| study.budgets.iter().map(move |budget| Self::SceneBudget(scene, budget));
+            all.extend(study.scenes.iter().flat_map(of_scene));
+        }
+        all
+    }
+}
+
 /// Compares a variant with the baseline.
 pub fn compare(study: &Study, variant: &str, scope: Scope<'_>, measure: &Measure) -> Difference {
     let of = |scene: &str, budget: &str| -> Vec<f64> {
@@ -108,11 +124,6 @@ pub fn compare(study: &Study, variant: &str, scope: Scope<'_>, measure: &Measure
         }
     };
     Difference::of(&values, measure)
-}
-
-/// Compares two groups of a scene, paired by seed.
-pub fn compare_groups(study: &Study, a: &Group<'_>, b: &Group<'_>, measure: &Measure) -> Difference {
-    Difference::of(&study.differences(a, b, measure), measure)
 }
 
 #[cfg(test)]

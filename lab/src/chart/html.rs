@@ -1,9 +1,9 @@
 //! The page: all tables and charts in one self-contained HTML file for light and dark screens.
 
-use super::section::Section;
 use super::study::{Study, device};
 use super::svg::{escape, style};
 use super::table::Table;
+use crate::results::Record;
 use std::collections::BTreeSet;
 use std::fmt::Write;
 
@@ -49,20 +49,12 @@ impl Part {
 
     /// A section with charts as inline SVG.
     pub fn charts(title: &str, note: &str, drawn: &[String]) -> Self {
-        let mut body = String::new();
-        if !note.is_empty() {
-            let _ = writeln!(body, "<p class=\"note\">{}</p>", escape(note));
-        }
+        let mut body = format!("<p class=\"note\">{}</p>\n", escape(note));
         if !drawn.is_empty() {
             let figures: Vec<String> = drawn.iter().map(|svg| format!("<figure>{svg}</figure>")).collect();
             let _ = writeln!(body, "<div class=\"charts\">\n{}\n</div>", figures.join("\n"));
         }
         Self { title: title.to_owned(), body }
-    }
-
-    /// A section of charts.
-    pub fn section(section: &Section, drawn: &[String]) -> Self {
-        Self::charts(&section.title, &section.note, drawn)
     }
 }
 
@@ -96,7 +88,7 @@ pub fn page(study: &Study, parts: &[Part]) -> String {
     }
     let _ = writeln!(
         out,
-        "<footer>litetex {} · hover over points and rows of charts to see their values</footer>\n</body>\n</html>",
+        "<footer>litetex {} · hover over points of charts to see their values</footer>\n</body>\n</html>",
         env!("CARGO_PKG_VERSION")
     );
     out
@@ -104,41 +96,34 @@ pub fn page(study: &Study, parts: &[Part]) -> String {
 
 /// One line about what was run, on which machine and when.
 pub fn facts(study: &Study) -> String {
-    let list =
-        |all: BTreeSet<String>| all.into_iter().filter(|s| !s.is_empty()).collect::<Vec<_>>().join("; ");
-    let devices = study.runs.iter().map(|r| {
-        let about = r.summary.as_ref().and_then(|s| s.pointer("/device/description")?.as_str()).unwrap_or("");
-        [device(r), about].join(" ").trim().to_owned()
-    });
-    let machines = study.runs.iter().map(|r| {
-        let memory = r
-            .hardware
-            .memory_bytes
-            .map_or(String::new(), |b| format!(", {:.0} GiB", b as f64 / 1_073_741_824.0));
-        format!("{} ({} cores{memory}), {}", r.hardware.cpu, r.cores, r.hardware.os)
-    });
-    let versions = study.runs.iter().map(|r| format!("{} {}", r.version, r.build).trim().to_owned());
+    let distinct = |of: &dyn Fn(&Record) -> String| {
+        let all: BTreeSet<String> = study.runs.iter().map(of).filter(|s| !s.is_empty()).collect();
+        all.into_iter().collect::<Vec<_>>().join("; ")
+    };
+    let device = |r: &Record| {
+        let about = r.value("/device/description").and_then(|s| s.as_str()).unwrap_or("");
+        format!("{} {about}", device(r)).trim().to_owned()
+    };
+    let machine = |r: &Record| {
+        let memory = r.hardware.memory_bytes.map(|b| format!(", {:.0} GiB", b as f64 / 1_073_741_824.0));
+        format!("{} ({} cores{}), {}", r.hardware.cpu, r.cores, memory.unwrap_or_default(), r.hardware.os)
+    };
     let seeds: BTreeSet<u64> = study.runs.iter().map(|r| r.seed).collect();
     let seeds: Vec<String> = seeds.iter().map(u64::to_string).collect();
-    let days: BTreeSet<&str> = study.runs.iter().filter_map(|r| r.utc.get(..10)).collect();
-    let days = match (days.first(), days.last()) {
-        (Some(first), Some(last)) if first == last => format!(" · {first}"),
-        (Some(first), Some(last)) => format!(" · {first} to {last}"),
-        _ => String::new(),
-    };
     let failed = match study.failed.len() {
         0 => String::new(),
         n => format!(", {n} failed"),
     };
     format!(
-        "{} runs{failed} · variants {} · baseline {} · budgets {} · seeds {} · device {} · {} · version {}{days}",
+        "{} runs{failed} · variants {} · baseline {} · budgets {} · seeds {} · device {} · {} · version {} · {}",
         study.runs.len(),
         study.variants.join(", "),
         study.baseline,
         study.budgets.join(", "),
         seeds.join(", "),
-        list(devices.collect()),
-        list(machines.collect()),
-        list(versions.collect()),
+        distinct(&device),
+        distinct(&machine),
+        distinct(&|r| format!("{} {}", r.version, r.build).trim().to_owned()),
+        distinct(&|r| r.utc.get(..10).unwrap_or_default().to_owned()),
     )
 }

@@ -1,14 +1,8 @@
 //! The measures of a run: name, unit, location in the summary, and which direction is good.
 
-use super::scale::Quantity;
+use super::plot::{Axis, Quantity};
+use super::scale::number;
 use crate::results::Record;
-
-/// The direction in which a measure improves.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Better {
-    Higher,
-    Lower,
-}
 
 /// A figure of a run.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,7 +17,8 @@ pub struct Measure {
     pub pointer: String,
     /// Number of decimals shown to people.
     pub digits: usize,
-    pub better: Better,
+    /// Whether higher values are better.
+    pub is_gain: bool,
     /// Costs are compared as ratios, quality by differences.
     pub is_cost: bool,
     /// Times count only if the machine was quiet.
@@ -34,14 +29,14 @@ pub struct Measure {
 
 impl Measure {
     /// A quality figure of the test views.
-    fn quality(id: &str, name: &str, unit: &'static str, digits: usize, better: Better) -> Self {
+    fn quality(id: &str, name: &str, unit: &'static str, digits: usize, is_gain: bool) -> Self {
         Self {
             id: id.to_owned(),
             name: name.to_owned(),
             unit,
             pointer: format!("/quality/{id}"),
             digits,
-            better,
+            is_gain,
             is_cost: false,
             is_time: false,
             quantity: Quantity::Plain,
@@ -56,7 +51,7 @@ impl Measure {
             unit,
             pointer: pointer.to_owned(),
             digits: 0,
-            better: Better::Lower,
+            is_gain: false,
             is_cost: true,
             is_time: false,
             quantity,
@@ -66,19 +61,41 @@ impl Measure {
     /// PSNR, gradient-PSNR, SSIM and FLIP of the test views.
     pub fn qualities() -> Vec<Self> {
         vec![
-            Self::quality("psnr", "Test PSNR", "dB", 2, Better::Higher),
-            Self::quality("grad_psnr", "Test gradient-PSNR", "dB", 2, Better::Higher),
-            Self::quality("ssim_3dgs", "Test SSIM (3DGS)", "", 4, Better::Higher),
-            Self::quality("flip", "Test FLIP", "", 4, Better::Lower),
+            Self::quality("psnr", "Test PSNR", "dB", 2, true),
+            Self::quality("grad_psnr", "Test gradient-PSNR", "dB", 2, true),
+            Self::quality("ssim_3dgs", "Test SSIM (3DGS)", "", 4, true),
+            Self::quality("flip", "Test FLIP", "", 4, false),
         ]
     }
 
-    /// Training time, and the key of the same time in points of curves.
-    pub fn training_time(is_cpu_time: bool) -> (Self, &'static str) {
+    /// Training time; points of curves have it under its identifier.
+    pub fn training_time(is_cpu_time: bool) -> Self {
         let (id, unit) =
             if is_cpu_time { ("cpu_secs", "CPU seconds") } else { ("wall_secs", "wall seconds") };
         let cost = Self::cost(id, "Training time", unit, &format!("/time/train_{id}"), Quantity::Plain);
-        (Self { digits: 1, is_time: true, ..cost }, id)
+        Self { digits: 1, is_time: true, ..cost }
+    }
+
+    /// A value with its unit: "26.12 dB", "830,000 parameters".
+    pub fn amount(&self, value: f64) -> String {
+        let unit = match self.unit {
+            "" if self.is_cost => self.name.to_lowercase(),
+            unit => unit.to_owned(),
+        };
+        format!("{} {unit}", number(value, self.digits)).trim_end().to_owned()
+    }
+
+    /// A difference with its sign and unit, a percentage for costs: "+0.51 dB", "−3.2 %".
+    pub fn signed(&self, value: f64) -> String {
+        let (digits, unit) = if self.is_cost { (1, "%") } else { (self.digits, self.unit) };
+        let text = number(value, digits);
+        let is_positive = value > 0.0 && text.contains(|c| ('1'..='9').contains(&c));
+        format!("{}{text} {unit}", if is_positive { "+" } else { "" }).trim_end().to_owned()
+    }
+
+    /// An axis of this measure: logarithmic for costs.
+    pub fn axis(&self) -> Axis {
+        Axis { name: self.title(), is_log: self.is_cost, quantity: self.quantity, ..Axis::default() }
     }
 
     /// Name and unit, for axes and table headers.
@@ -104,4 +121,19 @@ pub fn bytes_of(runs: &[Record]) -> Vec<Measure> {
         }
     }
     found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn differences_have_a_sign_and_a_unit() {
+        let (psnr, time) = (&Measure::qualities()[0], Measure::training_time(true));
+        assert_eq!([-0.001, 0.512].map(|x| psnr.signed(x)), ["0.00 dB", "+0.51 dB"]);
+        assert_eq!(
+            (time.signed(-12.345), time.amount(1234.0)),
+            ("−12.3 %".into(), "1,234.0 CPU seconds".into())
+        );
+    }
 }

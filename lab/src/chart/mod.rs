@@ -1,37 +1,22 @@
 //! Charts and tables of results: SVG files, tables as CSV and Markdown, and one page with all of it. Produces the
 //! contents of the files; the command line writes them.
 
-mod cases;
-mod cells;
+mod checks;
 mod compare;
-mod curves;
-mod figures;
 #[cfg(test)]
 pub(crate) mod fixtures;
-mod forest;
-mod heat;
 mod html;
-mod labels;
-mod legend;
-mod look;
 mod measure;
-mod merge;
 mod mismatch;
-mod paired;
-mod parts;
-mod plausible;
 pub mod plot;
-mod raw;
 mod scale;
-mod section;
-mod series;
-mod stats;
+mod sections;
 mod study;
 mod svg;
 mod table;
 mod tables;
 
-pub use cases::{Case, WorstView};
+pub use checks::WorstView;
 pub use study::{Clock, Options};
 
 /// The page, which has all charts and tables.
@@ -41,8 +26,8 @@ const TABLES: &str = "tables.md";
 /// List of the files written, one per line: only these may be replaced later.
 pub const MANIFEST: &str = ".chart-files";
 
+use crate::matrix::SceneEntry;
 use crate::results::Record;
-use heat::HeatMap;
 use html::Part;
 use litetex_gs::{Report, Result};
 use std::collections::HashSet;
@@ -54,21 +39,23 @@ pub struct Output {
     /// Relative paths with forward slashes, and contents; the manifest comes first, so that an interrupted writer
     /// leaves nothing unlisted.
     pub files: Vec<(String, String)>,
-    /// The main table as Markdown, and that of the checks if there are any.
-    pub results_markdown: String,
+    /// What [`summary`] returns.
+    pub summary: String,
     /// Warnings for the reader, which are on the page too.
     pub report: Report,
 }
 
-/// What the runs make of the checks, as a table in Markdown; empty without checks.
+/// Means over the seeds, and what the runs make of the checks of these scenes if there are any, as text.
 ///
 /// # Errors
 /// [`litetex_gs::Error::Usage`] if no run succeeded.
-pub fn checks_markdown(records: Vec<Record>, cases: Vec<Case>) -> Result<String> {
-    let options = Options { cases, ..Options::default() };
-    let study = Study::new(vec![records], &options)?;
-    let heat = HeatMap::new(&study, &options.cases);
-    Ok(heat.map_or(String::new(), |heat| heat.table().markdown()))
+pub fn summary(records: Vec<Record>, cases: &[SceneEntry]) -> Result<String> {
+    Ok(summary_of(&Study::new(vec![records], &Options::default())?, cases))
+}
+
+fn summary_of(study: &Study, cases: &[SceneEntry]) -> String {
+    let checks = checks::table(study, cases).map_or(String::new(), |checks| checks.text());
+    tables::results(study, &[]).text() + &checks
 }
 
 /// Makes all charts and tables of the lines of one or several files.
@@ -77,68 +64,42 @@ pub fn checks_markdown(records: Vec<Record>, cases: Vec<Case>) -> Result<String>
 /// [`litetex_gs::Error::Usage`] if no run succeeded, or no variant is called like the baseline.
 pub fn build(files: Vec<Vec<Record>>, options: &Options) -> Result<Output> {
     let study = Study::new(files, options)?;
-    let heat = HeatMap::new(&study, &options.cases);
     let mut tables = tables::tables(&study);
     let mut names = HashSet::new();
     let mut svgs: Vec<(String, String)> = Vec::new();
     let mut file = |id: &str, svg: &svg::Svg| {
-        let mut name = format!("charts/{id}.svg");
-        let mut number = 2;
-        while !names.insert(name.clone()) {
-            name = format!("charts/{id}-{number}.svg");
-            number += 1;
-        }
-        svgs.push((name, svg.standalone()));
+        svgs.push((format!("charts/{}.svg", sections::unused(id, &mut names)), svg.standalone()));
         svg.inline()
     };
-    let mut parts = vec![Part::table(&tables[0])];
-    if let Some(heat) = &heat {
-        parts.insert(0, Part::charts("Checks", &heat.note(), &[file("checks", &heat.draw())]));
-        let gallery = heat::gallery(&options.cases, &study.variants, &options.worst_views);
+    let mut parts = Vec::new();
+    let checks = checks::table(&study, &options.cases);
+    if let Some(checks) = &checks {
+        parts.push(Part::charts("Checks", &checks.note, &[file("checks", &checks.svg())]));
+        let gallery = checks::gallery(&options.cases, &study.variants, &options.worst_views);
         if !gallery.is_empty() {
             let body = format!("<p class=\"note\">Render left, photo right.</p>\n{gallery}");
-            parts.insert(1, Part { title: "Worst test views".to_owned(), body });
+            parts.push(Part { title: "Worst test views".to_owned(), body });
         }
     }
-    for section in figures::sections(&study) {
+    parts.push(Part::table(&tables[0]));
+    for section in sections::sections(&study) {
         let drawn: Vec<String> =
             section.charts.iter().filter_map(|c| Some(file(&c.id, &c.draw()?))).collect();
-        if !drawn.is_empty() || !section.note.is_empty() {
-            parts.push(Part::section(&section, &drawn));
-        }
-    }
-    let forests: Vec<String> = study.qualities[..2]
-        .iter()
-        .chain([&study.time])
-        .filter_map(|m| Some(file(&format!("paired-{}", m.id).replace('_', "-"), &forest::draw(&study, m)?)))
-        .collect();
-    if !forests.is_empty() {
-        let note = "Coloured where the interval excludes 0, grey where it does not.";
-        parts.push(Part::charts("Differences to the baseline", note, &forests));
+        parts.push(Part::charts(&section.title, section.note.trim_end(), &drawn));
     }
     parts.extend(tables[1..].iter().map(Part::table));
-    let checks = heat.map(|heat| heat.table());
-    let checks_markdown = checks.as_ref().map_or(String::new(), table::Table::markdown);
     tables.extend(checks);
-    let markdown: Vec<String> = tables.iter().map(table::Table::markdown).collect();
+    let markdown: String = tables.iter().map(table::Table::markdown).collect();
     let mut out = vec![
         (PAGE.to_owned(), html::page(&study, &parts)),
-        (
-            TABLES.to_owned(),
-            format!("{}\n\n{}", table::markdown_text(&html::facts(&study)), markdown.concat()),
-        ),
+        (TABLES.to_owned(), format!("{}\n\n{markdown}", table::markdown_text(&html::facts(&study)))),
     ];
-    out.extend(
-        tables.iter().chain(&raw::raw_tables(&study)).map(|t| (format!("tables/{}.csv", t.id), t.csv())),
-    );
+    tables.extend(tables::raw_tables(&study));
+    out.extend(tables.iter().map(|t| (format!("tables/{}.csv", t.id), t.csv())));
     out.extend(svgs);
     let names: String = out.iter().map(|(name, _)| format!("{name}\n")).collect();
     out.insert(0, (MANIFEST.to_owned(), format!("{MANIFEST}\n{names}")));
-    Ok(Output {
-        files: out,
-        results_markdown: format!("{}{checks_markdown}", markdown[0]),
-        report: study.report,
-    })
+    Ok(Output { files: out, summary: summary_of(&study, &options.cases), report: study.report })
 }
 
 /// The files listed in a manifest. Paths that [`build`] would never write are ignored: the file may be damaged, and
@@ -194,8 +155,6 @@ mod tests {
             TABLES,
             "tables/results.csv",
             "tables/paired.csv",
-            "tables/ablation.csv",
-            "tables/matched.csv",
             "tables/runs.csv",
             "tables/curves.csv",
             "charts/fox-psnr-cpu-secs.svg",
@@ -203,7 +162,7 @@ mod tests {
         ] {
             assert!(names.contains(name), "{name}: {names:?}");
         }
-        assert!(output.results_markdown.starts_with("## Results"));
+        assert!(output.summary.starts_with("scene "), "{}", output.summary);
     }
 
     #[test]

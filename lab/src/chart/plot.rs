@@ -1,150 +1,243 @@
-//! A chart with two axes: grid, events, series with lines, bands and markers, and a legend next to the plot. Several
-//! charts can share a drawing, one below the other with aligned axes.
+//! A chart with two axes: grid, events, series with lines, bands, intervals and markers, and a legend below the plot.
 
-use super::parts::TOP;
 use super::scale::{Scale, labels};
-use super::svg::{Anchor, Svg, TEXT_PX, TITLE_PX, shortened, text_width_px};
-use super::{legend, series};
+use super::svg::{Svg, colour, line_class, text_width_px};
 
-pub(super) use super::parts::Area;
-pub use super::parts::{Axis, Chart, Mark, Series};
-pub use super::scale::{Quantity, Spacing};
+pub use super::scale::Quantity;
 
-/// Size of a chart; it grows with the legend.
 const WIDTH_PX: f64 = 760.0;
-const HEIGHT_PX: f64 = 400.0;
-/// Baselines of the title and of the vertical axis' name, and space below the plot.
+const PLOT_PX: f64 = 300.0;
+/// Height of a row of a plot with named rows.
+const ROW_PX: f64 = 24.0;
+/// Baselines of the title and of the vertical axis' name, and top of the plot.
 const TITLE_Y: f64 = 24.0;
 const AXIS_NAME_Y: f64 = 48.0;
-const BELOW: f64 = 52.0;
-const RIGHT: f64 = 16.0;
-/// Horizontal distance of tick labels, at least.
-const TICK_GAP_PX: f64 = 14.0;
+const TOP: f64 = 60.0;
+const RIGHT: f64 = 20.0;
 /// Distance of tick labels from the vertical axis, and the least width left for them.
 const TICK_OFFSET_PX: f64 = 8.0;
-const LEFT_MIN_PX: f64 = 44.0;
-/// Vertical distance of ticks, at least.
-const TICK_ROW_PX: f64 = 42.0;
-/// Vertical distance of the labels of events.
+const TICKS_PX_MIN: f64 = 44.0;
+/// Most ticks of an axis.
+const TICKS_MAX: usize = 7;
+/// Vertical distance of the labels of events and of the rows of the legend.
 const EVENT_ROW_PX: f64 = 15.0;
+const LEGEND_ROW_PX: f64 = 21.0;
+/// Width of a line's specimen in the legend.
+const SPECIMEN_PX: f64 = 30.0;
+/// Radius of large and of small markers.
+const MARK_PX: f64 = 4.8;
+const DOT_PX: f64 = 2.6;
 
-/// Space next to the plot: charts that are stacked have the same.
-#[derive(Clone, Copy)]
-struct Margins {
-    left_px: f64,
-    names_px: f64,
+/// An axis of a chart.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Axis {
+    /// Name and unit.
+    pub name: String,
+    /// Whether it is logarithmic.
+    pub is_log: bool,
+    /// How tick labels are formatted.
+    pub quantity: Quantity,
+    /// Names of 0, -1, -2 ..., which are shown instead of numbers; for vertical axes.
+    pub rows: Vec<String>,
 }
 
-/// Draws charts one below the other as one SVG file, with aligned plots; `None` if one has nothing to show.
+/// A point with a marker.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mark {
+    /// Position in data units.
+    pub at: (f64, f64),
+    /// Text shown on hovering.
+    pub hover: String,
+    /// Text next to the point, where there is room.
+    pub label: String,
+    /// Whether it is small, as for a single run.
+    pub is_small: bool,
+    /// Ends of a horizontal interval around the point.
+    pub interval: Option<(f64, f64)>,
+}
+
+/// What shares a colour and a marker.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Series {
+    /// Name in the legend; no entry if empty.
+    pub name: String,
+    /// Selects colour, marker and dashes; grey and dashed without.
+    pub look: Option<usize>,
+    /// Points to connect, in data units.
+    pub line: Vec<(f64, f64)>,
+    /// Error band as (x, lower, upper).
+    pub band: Vec<(f64, f64, f64)>,
+    /// Points with markers.
+    pub marks: Vec<Mark>,
+}
+
+/// What a chart shows.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Chart {
+    /// File name without extension.
+    pub id: String,
+    /// Title above the chart.
+    pub title: String,
+    /// The horizontal axis.
+    pub x: Axis,
+    /// The vertical axis.
+    pub y: Axis,
+    /// Series in the order of the legend.
+    pub series: Vec<Series>,
+    /// Vertical lines at values of x, with labels that may be empty.
+    pub events: Vec<(f64, String)>,
+}
+
+/// Draws charts one below the other as one SVG file; `None` if one has nothing to show.
 pub fn stacked(charts: &[Chart]) -> Option<String> {
-    let all = charts.iter().map(Chart::margins).collect::<Option<Vec<Margins>>>()?;
-    let widest = |of: fn(&Margins) -> f64| all.iter().map(of).fold(0.0, f64::max);
-    let margins = Margins { left_px: widest(|m| m.left_px), names_px: widest(|m| m.names_px) };
-    let drawn = charts.iter().map(|c| c.draw_within(margins)).collect::<Option<Vec<Svg>>>()?;
+    let drawn = charts.iter().map(Chart::draw).collect::<Option<Vec<Svg>>>()?;
     Some(Svg::stacked(&drawn).standalone())
+}
+
+/// The plot's rectangle in pixels and its scales.
+struct Area {
+    left: f64,
+    right: f64,
+    bottom: f64,
+    x: Scale,
+    y: Scale,
+}
+
+impl Area {
+    /// Pixel position of a point; `None` for those without one: infinite, or not positive on logarithmic axes.
+    fn at(&self, (x, y): (f64, f64)) -> Option<(f64, f64)> {
+        let (x, y) = (self.x.place(x), self.y.place(y));
+        let at = (self.left + x * (self.right - self.left), self.bottom - y * (self.bottom - TOP));
+        (at.0.is_finite() && at.1.is_finite()).then_some(at)
+    }
+
+    fn x(&self, x: f64) -> Option<f64> {
+        Some(self.at((x, self.y.low))?.0)
+    }
+
+    fn line(&self, points: impl IntoIterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
+        points.into_iter().filter_map(|p| self.at(p)).collect()
+    }
 }
 
 impl Chart {
     /// Draws the chart; `None` if there is no point to show.
     pub(super) fn draw(&self) -> Option<Svg> {
-        self.draw_within(self.margins()?)
-    }
-
-    fn draw_within(&self, margins: Margins) -> Option<Svg> {
         let (x, y) = self.scales()?;
-        let width = WIDTH_PX + (margins.names_px - legend::NAME_PX).max(0.0);
-        let height = self.height_px();
-        let mut svg = Svg::new(width, height, &self.describe());
-        let area = Area {
-            left: margins.left_px,
-            right: width - RIGHT - legend::width_px(margins.names_px),
-            top: TOP,
-            bottom: height - BELOW,
-            x,
-            y,
+        let rows = &self.y.rows;
+        let ticks = match rows.len() {
+            0 => y.ticks(TICKS_MAX),
+            n => (0..n).map(|row| -(row as f64)).collect(),
         };
-        let title = shortened(&self.title, width - 24.0, TITLE_PX * 1.05);
-        svg.text("lt-text lt-title", (12.0, TITLE_Y), Anchor::Start, &title, Some(&self.title));
-        svg.text("lt-axis", (12.0, AXIS_NAME_Y), Anchor::Start, &self.y.name, None);
-        self.draw_y_axis(&mut svg, &area);
-        self.draw_x_axis(&mut svg, &area);
-        for x in self.shown_events(&area).map(|(x, _)| x) {
-            svg.line("lt-event", (x, area.top), (x, area.bottom));
+        let texts = if rows.is_empty() { labels(&ticks, y.is_log, self.y.quantity) } else { rows.clone() };
+        let widest = texts.iter().map(|text| text_width_px(text)).fold(TICKS_PX_MIN, f64::max);
+        let plot_px = if rows.is_empty() { PLOT_PX } else { ROW_PX * rows.len() as f64 };
+        let area =
+            Area { left: widest + TICK_OFFSET_PX, right: WIDTH_PX - RIGHT, bottom: TOP + plot_px, x, y };
+        let mut svg = Svg::new(WIDTH_PX, 0.0, &self.describe());
+        svg.text("lt-text lt-title", (12.0, TITLE_Y), "start", &self.title);
+        svg.text("lt-axis", (12.0, AXIS_NAME_Y), "start", &self.y.name);
+        for (tick, text) in ticks.iter().zip(&texts) {
+            let (_, y) = area.at((area.x.low, *tick))?;
+            svg.line("lt-grid", (area.left, y), (area.right, y));
+            svg.text("lt-axis", (area.left - TICK_OFFSET_PX, y + 4.0), "end", text);
         }
-        series::draw(self, &mut svg, &area);
+        self.draw_x_axis(&mut svg, &area);
+        for x in self.events.iter().filter_map(|(x, _)| area.x(*x)) {
+            svg.line("lt-event", (x, TOP), (x, area.bottom));
+        }
+        self.draw_series(&mut svg, &area);
         self.label_events(&mut svg, &area);
-        legend::draw(self, &mut svg, area.right);
+        self.draw_legend(&mut svg, area.bottom + 64.0);
         Some(svg)
     }
 
     fn scales(&self) -> Option<(Scale, Scale)> {
         let of = |s: &Series| -> Vec<(f64, f64)> {
-            let marks = s.marks.iter().chain(&s.dots).map(|m| m.at);
+            let ends = |m: &Mark| m.interval.map_or([m.at.0; 2], |(low, high)| [low, high]);
+            let marks = s.marks.iter().flat_map(|m| ends(m).map(|x| (x, m.at.1)));
             let bands = s.band.iter().flat_map(|&(x, low, high)| [(x, low), (x, high)]);
             marks.chain(s.line.iter().copied()).chain(bands).collect()
         };
         let points: Vec<(f64, f64)> = self.series.iter().flat_map(of).collect();
-        let x = Scale::around(points.iter().map(|p| p.0), self.x.spacing)?;
-        let y = Scale::around(points.iter().map(|p| p.1), self.y.spacing)?;
+        let x = Scale::around(points.iter().map(|p| p.0), self.x.is_log)?;
+        let y = match self.y.rows.len() {
+            0 => Scale::around(points.iter().map(|p| p.1), self.y.is_log)?,
+            n => Scale { low: 0.5 - n as f64, high: 0.5, is_log: false },
+        };
         Some((x, y))
     }
 
-    fn height_px(&self) -> f64 {
-        HEIGHT_PX.max(TOP + legend::height_px(self) + BELOW)
-    }
-
-    fn margins(&self) -> Option<Margins> {
-        let (_, y) = self.scales()?;
-        let (_, labels) = self.y_ticks(&y);
-        let widest = labels.iter().map(|l| text_width_px(l, TEXT_PX)).fold(0.0, f64::max);
-        let left_px = (widest + TICK_OFFSET_PX + 12.0).max(LEFT_MIN_PX);
-        Some(Margins { left_px, names_px: legend::names_px(self) })
-    }
-
-    fn y_ticks(&self, y: &Scale) -> (Vec<f64>, Vec<String>) {
-        let ticks = y.ticks(((self.height_px() - TOP - BELOW) / TICK_ROW_PX) as usize);
-        let labels = labels(&ticks, self.y.quantity);
-        (ticks, labels)
-    }
-
-    fn draw_y_axis(&self, svg: &mut Svg, area: &Area) {
-        let (ticks, labels) = self.y_ticks(&area.y);
-        for (tick, label) in ticks.iter().zip(&labels) {
-            let (_, y) = area.at((area.x.low, *tick));
-            svg.line("lt-grid", (area.left, y), (area.right, y));
-            svg.text("lt-axis", (area.left - TICK_OFFSET_PX, y + 4.0), Anchor::End, label, None);
-        }
-    }
-
     fn draw_x_axis(&self, svg: &mut Svg, area: &Area) {
-        let (ticks, labels) = x_ticks(area, self.x.quantity);
-        for (tick, label) in ticks.iter().zip(&labels) {
-            let (x, _) = area.at((*tick, area.y.low));
-            svg.line("lt-grid", (x, area.top), (x, area.bottom));
-            svg.text("lt-axis", (x, area.bottom + 18.0), Anchor::Middle, label, None);
+        let ticks = area.x.ticks(TICKS_MAX);
+        for (tick, text) in ticks.iter().zip(labels(&ticks, area.x.is_log, self.x.quantity)) {
+            let Some(x) = area.x(*tick) else { continue };
+            svg.line("lt-grid", (x, TOP), (x, area.bottom));
+            svg.text("lt-axis", (x, area.bottom + 18.0), "middle", &text);
         }
         svg.line("lt-frame", (area.left, area.bottom), (area.right, area.bottom));
+        let scale = if area.x.is_log { " (log scale)" } else { "" };
         let middle = 0.5 * (area.left + area.right);
-        let scale = if self.x.spacing.is_log() { " (log scale)" } else { "" };
-        let name = format!("{}{scale}", self.x.name);
-        svg.text("lt-axis", (middle, area.bottom + 40.0), Anchor::Middle, &name, None);
+        svg.text("lt-axis", (middle, area.bottom + 40.0), "middle", &format!("{}{scale}", self.x.name));
     }
 
-    /// Pixel positions and labels of the events.
-    fn shown_events<'a>(&'a self, area: &'a Area) -> impl Iterator<Item = (f64, &'a str)> {
-        let shown = self.events.iter().filter(|(x, _)| area.shows((*x, area.y.low)));
-        shown.map(|(x, text)| (area.at((*x, area.y.low)).0, text.as_str()))
+    /// Bands lie below lines, lines below markers, labels on top.
+    fn draw_series(&self, svg: &mut Svg, area: &Area) {
+        for s in &self.series {
+            let upper = s.band.iter().map(|&(x, _, high)| (x, high));
+            let lower = s.band.iter().rev().map(|&(x, low, _)| (x, low));
+            svg.polyline(&format!("lt-band {}", colour(s.look)), &area.line(upper.chain(lower)));
+        }
+        for s in &self.series {
+            let class = line_class(s.look);
+            svg.polyline(&class, &area.line(s.line.iter().copied()));
+            for (mark, (low, high)) in s.marks.iter().filter_map(|m| Some((m, m.interval?))) {
+                svg.polyline(&class, &area.line([(low, mark.at.1), (high, mark.at.1)]));
+            }
+        }
+        let mut taken = Vec::new();
+        for s in &self.series {
+            for mark in &s.marks {
+                let Some(at) = area.at(mark.at) else { continue };
+                let (class, radius) = if mark.is_small { ("lt-dot", DOT_PX) } else { ("", MARK_PX) };
+                svg.marker(class, s.look, at, radius, &mark.hover);
+                taken.push(Rect::new(at.0 - radius, at.0 + radius, at.1 - radius, at.1 + radius));
+            }
+        }
+        for mark in self.series.iter().flat_map(|s| &s.marks).filter(|m| !m.label.is_empty()) {
+            let place = area.at(mark.at).and_then(|at| place_label(at, &mark.label, area, &mut taken));
+            place.into_iter().for_each(|at| svg.text("lt-label", at, "start", &mark.label));
+        }
     }
 
     /// Each label has a row of its own, since events may be close together.
     fn label_events(&self, svg: &mut Svg, area: &Area) {
-        let labelled = self.shown_events(area).filter(|(_, text)| !text.is_empty());
-        for (row, (x, text)) in labelled.enumerate() {
-            let fits_right = x + 6.0 + text_width_px(text, TEXT_PX) <= area.right;
-            let (anchor, offset) = if fits_right { (Anchor::Start, 6.0) } else { (Anchor::End, -6.0) };
-            let y = area.top + EVENT_ROW_PX * (row as f64 + 1.0);
-            svg.text("lt-label", (x + offset, y), anchor, text, None);
+        let shown = self.events.iter().filter(|(_, text)| !text.is_empty());
+        for (row, (x, text)) in shown.filter_map(|(x, text)| Some((area.x(*x)?, text))).enumerate() {
+            let fits_right = x + 6.0 + text_width_px(text) <= area.right;
+            let (anchor, offset) = if fits_right { ("start", 6.0) } else { ("end", -6.0) };
+            svg.text("lt-label", (x + offset, TOP + EVENT_ROW_PX * (row as f64 + 1.0)), anchor, text);
         }
+    }
+
+    /// As many names side by side as fit. The drawing ends below them.
+    fn draw_legend(&self, svg: &mut Svg, top: f64) {
+        let (mut x, mut y) = (12.0, top);
+        for s in self.series.iter().filter(|s| !s.name.is_empty()) {
+            let width = SPECIMEN_PX + 6.0 + text_width_px(&s.name);
+            if x > 12.0 && x + width > WIDTH_PX {
+                (x, y) = (12.0, y + LEGEND_ROW_PX);
+            }
+            if s.line.len() > 1 || s.marks.iter().any(|m| m.interval.is_some()) {
+                svg.line(&line_class(s.look), (x, y), (x + SPECIMEN_PX, y));
+            }
+            if !s.marks.is_empty() {
+                svg.marker("", s.look, (x + 0.5 * SPECIMEN_PX, y), MARK_PX, &s.name);
+            }
+            svg.text("lt-text", (x + SPECIMEN_PX + 6.0, y + 4.0), "start", &s.name);
+            x += width + 18.0;
+        }
+        svg.height_px = y + LEGEND_ROW_PX;
     }
 
     /// Text alternative for readers who do not see the chart.
@@ -154,26 +247,44 @@ impl Chart {
     }
 }
 
-/// As many ticks as fit with their labels side by side.
-fn x_ticks(area: &Area, quantity: Quantity) -> (Vec<f64>, Vec<String>) {
-    let mut most = 9;
-    loop {
-        let ticks = area.x.ticks(most);
-        let texts = labels(&ticks, quantity);
-        let spans: Vec<(f64, f64)> = ticks
-            .iter()
-            .zip(&texts)
-            .map(|(&tick, text)| {
-                let (x, half) = (area.at((tick, area.y.low)).0, 0.5 * text_width_px(text, TEXT_PX));
-                (x - half, x + half)
-            })
-            .collect();
-        let fits = spans.windows(2).all(|w| w[0].1 + TICK_GAP_PX <= w[1].0);
-        if fits || most <= 2 {
-            return (ticks, texts);
-        }
-        most -= 1;
+/// A rectangle in pixels.
+#[derive(Clone, Copy)]
+struct Rect {
+    left: f64,
+    right: f64,
+    top: f64,
+    bottom: f64,
+}
+
+impl Rect {
+    fn new(left: f64, right: f64, top: f64, bottom: f64) -> Self {
+        Self { left, right, top, bottom }
     }
+
+    fn overlaps(&self, other: &Self) -> bool {
+        self.left < other.right
+            && other.left < self.right
+            && self.top < other.bottom
+            && other.top < self.bottom
+    }
+}
+
+/// Where the baseline of a label begins: above, below, right or left of its point, over no marker or other label; `None`
+/// without room.
+fn place_label((x, y): (f64, f64), text: &str, area: &Area, taken: &mut Vec<Rect>) -> Option<(f64, f64)> {
+    let width = text_width_px(text);
+    let gap = MARK_PX + 4.0;
+    let middle = x - 0.5 * width;
+    let starts = [(middle, y - gap), (middle, y + gap + 9.0), (x + gap, y + 4.0), (x - gap - width, y + 4.0)];
+    let extent = |&(left, base): &(f64, f64)| Rect::new(left, left + width, base - 10.0, base + 3.0);
+    let is_free = |start: &(f64, f64)| {
+        let rect = extent(start);
+        let is_inside = area.left <= rect.left && rect.right <= area.right && rect.bottom <= area.bottom;
+        is_inside && TOP - 6.0 <= rect.top && !taken.iter().any(|other| rect.overlaps(other))
+    };
+    let start = starts.into_iter().find(is_free)?;
+    taken.push(extent(&start));
+    Some(start)
 }
 
 #[cfg(test)]
@@ -181,33 +292,28 @@ mod tests {
     use super::*;
 
     fn chart(series: Vec<Series>) -> Chart {
-        let axis = |spacing| Axis { name: "seconds <s>".to_owned(), spacing, quantity: Quantity::Plain };
-        Chart {
-            id: "a".to_owned(),
-            title: "A & B".to_owned(),
-            x: axis(Spacing::Log10),
-            y: axis(Spacing::Linear),
-            series,
-            front: vec![],
-            events: vec![],
-        }
+        let axis = |is_log| Axis { name: "seconds <s>".to_owned(), is_log, ..Axis::default() };
+        let (id, title) = ("a".to_owned(), "A & B".to_owned());
+        Chart { id, title, x: axis(true), y: axis(false), series, events: vec![] }
     }
 
-    fn mark(x: f64, y: f64) -> Mark {
-        Mark { at: (x, y), hover: format!("at {x}, {y}"), label: None, grey: false }
+    fn mark(x: f64, y: f64, label: &str) -> Mark {
+        let (hover, label) = (format!("at {x}, {y}"), label.to_owned());
+        Mark { at: (x, y), hover, label, ..Mark::default() }
+    }
+
+    fn marked(marks: Vec<Mark>) -> Chart {
+        chart(vec![Series { name: "v<1>".to_owned(), look: Some(0), marks, ..Series::default() }])
     }
 
     #[test]
     fn values_without_a_position_are_left_out() {
         let nothing = [(f64::NAN, 1.0), (1.0, f64::INFINITY), (0.0, 1.0), (-3.0, 1.0)];
-        let bad: Vec<Mark> = nothing.iter().map(|&(x, y)| mark(x, y)).collect();
-        assert!(chart(vec![]).draw().is_none());
-        let only_bad = chart(vec![Series { marks: bad[..1].to_vec(), ..Series::default() }]);
-        assert!(only_bad.draw().is_none());
-        let mut marks = bad;
-        marks.extend([mark(2.0, 20.0), mark(50.0, 26.0)]);
-        let series = Series { name: "v<1>".to_owned(), line: nothing.to_vec(), marks, ..Series::default() };
-        let mut chart = chart(vec![series]);
+        let mut marks: Vec<Mark> = nothing.iter().map(|&(x, y)| mark(x, y, "")).collect();
+        assert!(chart(vec![]).draw().is_none() && marked(marks[..1].to_vec()).draw().is_none());
+        marks.extend([mark(2.0, 20.0, ""), mark(50.0, 26.0, "")]);
+        let mut chart = marked(marks);
+        chart.series[0].line = nothing.to_vec();
         chart.events = vec![(-1.0, "never".to_owned()), (7.0, "half <way>".to_owned())];
         let file = chart.draw().unwrap().standalone();
         assert!(file.contains("<title>at 50, 26</title>") && file.contains("v&lt;1&gt;"), "{file}");
@@ -217,63 +323,21 @@ mod tests {
     }
 
     #[test]
-    fn legends_distinguish_long_names_that_differ_late() {
-        let names =
-            ["0.8", "0.9"].map(|end| format!("density.quantile and all the rest of the settings at {end}"));
-        let series =
-            |name: &String| Series { name: name.clone(), marks: vec![mark(2.0, 20.0)], ..Series::default() };
-        let file = chart(names.iter().map(series).collect()).draw().unwrap().standalone();
-        // The legend shows beginning and end, hovering the whole name.
-        for (name, end) in names.iter().zip(["0.8", "0.9"]) {
-            assert!(
-                file.contains(&format!("<title>{name}</title>"))
-                    && file.contains(&format!("at {end}</text>"))
-            );
-        }
+    fn labels_without_room_are_left_out() {
+        let near = |n: u32| (0..n).map(|i| mark(10.0, 20.0 + 0.01 * f64::from(i), "a label")).collect();
+        let labels = |n| marked(near(n)).draw().unwrap().standalone().matches("a label</text>").count();
+        assert_eq!([1, 2].map(labels), [1, 2]);
+        assert!(labels(100) < 60);
     }
 
     #[test]
-    fn stacked_charts_share_a_drawing_and_their_horizontal_axis() {
-        let named = |name: &str, high: f64| {
-            let line = vec![(1.0, 2.0), (100.0, high)];
-            chart(vec![Series { name: name.to_owned(), line, ..Series::default() }])
-        };
-        let [narrow, wide] = [named("a", 3.0), named("a much longer name of a series", 3e7)];
-        let frame = |svg: &str| -> Vec<String> {
-            let lines = svg.lines().filter(|l| l.contains("class=\"lt-frame\""));
-            let x = |l: &str, key: &str| l.split(key).nth(1).unwrap().split('"').next().unwrap().to_owned();
-            lines.map(|l| format!("{} {}", x(l, "x1=\""), x(l, "x2=\""))).collect()
-        };
-        let file = stacked(&[narrow.clone(), wide.clone()]).unwrap();
-        let both = frame(&file);
-        assert!(file.matches("<svg").count() == 1 && both.len() == 2 && both[0] == both[1], "{both:?}");
-        // Negative control: on their own their plots have different sides.
-        let alone = [narrow, wide].map(|c| frame(&c.draw().unwrap().standalone()));
-        assert_ne!(alone[0], alone[1]);
-        assert!(stacked(&[chart(vec![])]).is_none());
-    }
-
-    #[test]
-    fn tick_labels_do_not_touch() {
-        for (low, high) in [(1.0, 9.0e6), (9.7e3, 1.04e4), (0.001, 0.9), (123_456.0, 654_321.0)] {
-            for quantity in [Quantity::Plain, Quantity::Count, Quantity::Bytes] {
-                for spacing in [Spacing::Linear, Spacing::Log10, Spacing::Log2] {
-                    let x = Scale { low, high, spacing };
-                    let y = Scale { low: 0.0, high: 1.0, spacing: Spacing::Linear };
-                    let area = Area { left: 50.0, right: 400.0, top: 0.0, bottom: 1.0, x, y };
-                    let (ticks, texts) = x_ticks(&area, quantity);
-                    assert!(!ticks.is_empty());
-                    let ends: Vec<(f64, f64)> = ticks
-                        .iter()
-                        .zip(&texts)
-                        .map(|(&t, text)| (area.at((t, 0.0)).0, 0.5 * text_width_px(text, TEXT_PX)))
-                        .collect();
-                    assert!(
-                        ends.windows(2).all(|w| w[0].0 + w[0].1 < w[1].0 - w[1].1),
-                        "{low} {high} {texts:?}"
-                    );
-                }
-            }
-        }
+    fn rows_have_names_and_intervals() {
+        let interval = Some((1.0, 3.0));
+        let marks = vec![mark(2.0, 0.0, ""), Mark { interval, ..mark(2.0, -1.0, "") }];
+        let mut chart = marked(marks);
+        chart.y.rows = ["first", "second"].map(ToOwned::to_owned).into();
+        let file = chart.draw().unwrap().standalone();
+        assert!(file.contains(">first</text>") && file.contains(">second</text>"), "{file}");
+        assert_eq!(file.matches("<polyline class=\"lt-line").count(), 1);
     }
 }

@@ -1,31 +1,17 @@
 //! Scales of axes: from values to positions between 0 and 1, round ticks, and their labels.
 
+use litetex_gs::text::format_count;
+
 /// The kind of numbers on an axis, which decides how they are formatted.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Quantity {
     /// Decibels, seconds, errors: plain decimals.
+    #[default]
     Plain,
     /// Splats, parameters, steps: 20k, 1.5M.
     Count,
     /// 20 kB, 1.5 MB, in powers of 1000.
     Bytes,
-}
-
-/// What equal distances on an axis stand for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Spacing {
-    /// Equal differences.
-    Linear,
-    /// Equal ratios, with ticks at 1, 2, 5 and 10.
-    Log10,
-    /// Equal ratios, with ticks at powers of 2.
-    Log2,
-}
-
-impl Spacing {
-    pub(super) fn is_log(self) -> bool {
-        self != Self::Linear
-    }
 }
 
 /// The range of an axis.
@@ -35,7 +21,8 @@ pub struct Scale {
     pub low: f64,
     /// Value at position 1.
     pub high: f64,
-    pub spacing: Spacing,
+    /// Whether equal distances stand for equal ratios, not differences.
+    pub is_log: bool,
 }
 
 /// Free space at both ends, as a share of the values' range.
@@ -45,34 +32,26 @@ const SINGLE_VALUE_RATIO: f64 = 1.5;
 
 impl Scale {
     /// The range of all finite values (positive ones, if logarithmic); `None` if there are none.
-    pub fn around(values: impl IntoIterator<Item = f64>, spacing: Spacing) -> Option<Self> {
-        let log = spacing.is_log();
-        let usable = values.into_iter().filter(|x| x.is_finite() && (!log || *x > 0.0));
+    pub fn around(values: impl IntoIterator<Item = f64>, is_log: bool) -> Option<Self> {
+        let usable = values.into_iter().filter(|x| x.is_finite() && (!is_log || *x > 0.0));
         let (low, high) = usable.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
         if low > high {
             return None;
         }
-        let scale = if log {
+        if is_log {
             let margin = ((high / low).ln() * MARGIN).exp();
             let margin = if high / low < 1.0 + 1e-9 { SINGLE_VALUE_RATIO } else { margin };
-            Self { low: low / margin, high: high * margin, spacing }
-        } else {
-            let margin = (high - low) * MARGIN;
-            // A single value gets an axis too: of some tenths around 26 dB, and of thousandths around 0.
-            let margin = if margin <= high.abs() * 1e-12 { (high.abs() * 0.02).max(1e-3) } else { margin };
-            Self { low: low - margin, high: high + margin, spacing }
-        };
-        (scale.low.is_finite() && scale.high.is_finite() && (!log || scale.low > 0.0)).then_some(scale)
+            return Some(Self { low: low / margin, high: high * margin, is_log });
+        }
+        let margin = (high - low) * MARGIN;
+        // A single value gets an axis too: of some tenths around 26 dB, and of thousandths around 0.
+        let margin = if margin <= high.abs() * 1e-12 { (high.abs() * 0.02).max(1e-3) } else { margin };
+        Some(Self { low: low - margin, high: high + margin, is_log })
     }
 
-    /// Whether the axis can show a value at all.
-    pub fn accepts(&self, value: f64) -> bool {
-        !self.spacing.is_log() || value > 0.0
-    }
-
-    /// Position of a value: 0 at the low end, 1 at the high end.
+    /// Position of a value: 0 at the low end, 1 at the high end; not finite for values that the axis cannot show.
     pub fn place(&self, value: f64) -> f64 {
-        if self.spacing.is_log() {
+        if self.is_log {
             (value / self.low).ln() / (self.high / self.low).ln()
         } else {
             (value - self.low) / (self.high - self.low)
@@ -81,29 +60,15 @@ impl Scale {
 
     /// At most `most` ticks in ascending order, and at least two where possible.
     pub fn ticks(&self, most: usize) -> Vec<f64> {
-        let most = most.max(2);
-        if self.spacing == Spacing::Log2 {
-            let ticks = self.binary_ticks(most);
-            if ticks.len() >= 2 {
-                return ticks;
-            }
+        if !self.is_log {
+            return self.linear_ticks(most);
         }
-        if self.spacing == Spacing::Log10 {
-            for mantissas in [&[1.0, 2.0, 5.0][..], &[1.0]] {
-                let ticks = self.log_ticks(mantissas, 1);
-                if (3..=most).contains(&ticks.len())
-                    || (mantissas.len() == 1 && (2..=most).contains(&ticks.len()))
-                {
-                    return ticks;
-                }
-            }
-            let decades = self.log_ticks(&[1.0], 1).len();
-            if decades > most {
-                return self.log_ticks(&[1.0], decades.div_ceil(most) as i32);
-            }
-        }
+        let finest = (&[1.0, 2.0, 5.0][..], 1);
+        let spacings = std::iter::once(finest).chain((1..).map(|decades| (&[1.0][..], decades)));
+        let all = spacings.map(|(mantissas, decades)| self.log_ticks(mantissas, decades));
+        let fitting = all.take_while(|ticks| ticks.len() >= 2).find(|ticks| ticks.len() <= most);
         // Less than a decade: evenly spaced round numbers.
-        self.linear_ticks(most)
+        fitting.unwrap_or_else(|| self.linear_ticks(most))
     }
 
     fn log_ticks(&self, mantissas: &[f64], every: i32) -> Vec<f64> {
@@ -113,167 +78,93 @@ impl Scale {
         all.filter(|x| (self.low..=self.high).contains(x)).collect()
     }
 
-    /// Powers of 2, of 4, of 8 ...: as many as fit.
-    fn binary_ticks(&self, most: usize) -> Vec<f64> {
-        let (from, to) = (self.low.log2().ceil() as i32, self.high.log2().floor() as i32);
-        let every = (1..).find(|&n| (to - from) / n < most as i32).unwrap_or(1);
-        (from..=to).filter(|e| e.rem_euclid(every) == 0).map(|e| 2_f64.powi(e)).collect()
-    }
-
     fn linear_ticks(&self, most: usize) -> Vec<f64> {
-        let span = self.high - self.low;
-        let mut decade = 10_f64.powf((span / most as f64).log10().floor());
-        loop {
-            for mantissa in [1.0, 2.0, 5.0] {
-                let step = mantissa * decade;
-                let (from, to) = ((self.low / step).ceil(), (self.high / step).floor());
-                if to - from + 1.0 <= most as f64 {
-                    // Adding 0 turns -0 into 0.
-                    return (0..=(to - from).max(-1.0) as i64)
-                        .map(|i| (from + i as f64) * step + 0.0)
-                        .collect();
-                }
-            }
-            decade *= 10.0;
-        }
+        let decade = 10_f64.powf(((self.high - self.low) / most as f64).log10().floor());
+        let ends = |step: f64| ((self.low / step).ceil() as i64, (self.high / step).floor() as i64);
+        let step = [1.0, 2.0, 5.0, 10.0].map(|m| m * decade).into_iter().find(|&step| {
+            let (from, to) = ends(step);
+            to - from < most as i64
+        });
+        let step = step.unwrap_or(20.0 * decade);
+        let (from, to) = ends(step);
+        (from..=to).map(|i| i as f64 * step).collect()
     }
 }
 
-/// Labels of ticks: evenly spaced numbers with equally many decimals, others as short as is exact.
-pub fn labels(ticks: &[f64], quantity: Quantity) -> Vec<String> {
-    let digits_of = |x: f64| (0..=6_usize).find(|&d| is_whole(x * 10_f64.powi(d as i32))).unwrap_or(6);
-    let gaps: Vec<f64> = ticks.windows(2).map(|w| w[1] - w[0]).collect();
-    let even = gaps.len() > 1 && gaps.iter().all(|g| (g - gaps[0]).abs() <= 1e-6 * gaps[0].abs());
-    let digits = ticks.iter().map(|&t| digits_of(t)).max().filter(|_| even && quantity == Quantity::Plain);
-    let label = |&tick: &f64| {
-        let (factor, unit) = match (quantity, prefix(tick)) {
-            (Quantity::Plain, _) => (1.0, ""),
-            (Quantity::Count, prefix) => prefix,
-            (Quantity::Bytes, (factor, "")) => (factor, " B"),
-            (Quantity::Bytes, (factor, "k")) => (factor, " kB"),
-            (Quantity::Bytes, (factor, "M")) => (factor, " MB"),
-            (Quantity::Bytes, (factor, _)) => (factor, " GB"),
-        };
-        let value = tick / factor;
-        with_thousands(&format!("{value:.*}", digits.unwrap_or(digits_of(value)))).replace('-', "−") + unit
+/// Labels of ticks: plain numbers of a linear scale with equally many decimals, others as short as is exact.
+pub fn labels(ticks: &[f64], is_log: bool, quantity: Quantity) -> Vec<String> {
+    let scaled = ticks.iter().map(|&tick| match (quantity, tick.abs()) {
+        (Quantity::Plain, _) => (tick, ""),
+        (_, size) if size >= 0.999_999e9 => (tick / 1e9, "G"),
+        (_, size) if size >= 0.999_999e6 => (tick / 1e6, "M"),
+        (_, size) if size >= 0.999_999e3 => (tick / 1e3, "k"),
+        _ => (tick, ""),
+    });
+    let scaled: Vec<(f64, &str)> = scaled.collect();
+    let most = scaled.iter().map(|(value, _)| decimals(*value)).max().unwrap_or(0);
+    let is_even = !is_log && quantity == Quantity::Plain;
+    let label = |&(value, prefix): &(f64, &str)| {
+        let text = number(value, if is_even { most } else { decimals(value) });
+        if quantity == Quantity::Bytes { format!("{text} {prefix}B") } else { text + prefix }
     };
-    ticks.iter().map(label).collect()
+    scaled.iter().map(label).collect()
 }
 
-fn is_whole(x: f64) -> bool {
-    (x - x.round()).abs() < 1e-6 * x.abs().max(1.0)
+/// Decimals that a number needs, at most six.
+fn decimals(value: f64) -> usize {
+    let text = format!("{value:.6}");
+    text.trim_end_matches('0').split_once('.').map_or(0, |(_, decimals)| decimals.len())
 }
 
-fn prefix(value: f64) -> (f64, &'static str) {
-    match value.abs() {
-        v if v >= 0.999_999e9 => (1e9, "G"),
-        v if v >= 0.999_999e6 => (1e6, "M"),
-        v if v >= 0.999_999e3 => (1e3, "k"),
-        _ => (1.0, ""),
-    }
-}
-
-/// Formats with thousands separators.
+/// "−1,234,567.5"; what rounds to zero has no sign.
 pub fn number(value: f64, digits: usize) -> String {
-    with_thousands(&format!("{value:.digits$}"))
-}
-
-/// "1 run", "3 runs".
-pub fn counted(n: usize, what: &str) -> String {
-    if n == 1 { format!("1 {what}") } else { format!("{n} {what}s") }
-}
-
-/// "1234567.8" as "1,234,567.8".
-pub fn with_thousands(number: &str) -> String {
-    let (sign, rest) = number.strip_prefix('-').map_or(("", number), |rest| ("-", rest));
-    let (whole, fraction) = rest.split_once('.').map_or((rest, None), |(w, f)| (w, Some(f)));
-    let mut out = sign.to_owned();
-    for (i, digit) in whole.chars().enumerate() {
-        if i > 0 && (whole.len() - i).is_multiple_of(3) {
-            out.push(',');
-        }
-        out.push(digit);
-    }
-    if let Some(fraction) = fraction {
-        out.push('.');
-        out.push_str(fraction);
-    }
-    out
+    let text = format!("{:.digits$}", value.abs());
+    let (whole, fraction) = text.split_at(text.find('.').unwrap_or(text.len()));
+    let whole = whole.parse().map_or(whole.to_owned(), format_count);
+    let sign = if value < 0.0 && text.contains(|c| ('1'..='9').contains(&c)) { "−" } else { "" };
+    format!("{sign}{whole}{fraction}")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn axis(low: f64, high: f64, spacing: Spacing, most: usize, quantity: Quantity) -> Vec<String> {
-        labels(&Scale { low, high, spacing }.ticks(most), quantity)
-    }
-
     #[test]
-    fn linear_ticks_are_round() {
-        assert_eq!(
-            axis(20.3, 27.9, Spacing::Linear, 8, Quantity::Plain),
-            ["21", "22", "23", "24", "25", "26", "27"]
-        );
-        assert_eq!(axis(20.3, 27.9, Spacing::Linear, 5, Quantity::Plain), ["22", "24", "26"]);
-        assert_eq!(axis(26.02, 26.18, Spacing::Linear, 5, Quantity::Plain), ["26.05", "26.10", "26.15"]);
-        assert_eq!(
-            axis(-0.3, 0.3, Spacing::Linear, 5, Quantity::Plain),
-            ["−0.2", "−0.1", "0.0", "0.1", "0.2"]
-        );
-        assert_eq!(axis(0.0, 30_000.0, Spacing::Linear, 4, Quantity::Count), ["0", "10k", "20k", "30k"]);
-        assert_eq!(axis(900.0, 2600.0, Spacing::Linear, 4, Quantity::Count), ["1k", "1.5k", "2k", "2.5k"]);
-    }
-
-    #[test]
-    fn logarithmic_ticks_are_1_2_5_or_decades_or_linear_in_a_narrow_range() {
-        assert_eq!(axis(3.0, 150.0, Spacing::Log10, 8, Quantity::Plain), ["5", "10", "20", "50", "100"]);
-        assert_eq!(axis(0.4, 3000.0, Spacing::Log10, 6, Quantity::Plain), ["1", "10", "100", "1,000"]);
-        assert_eq!(
-            axis(0.04, 6.0, Spacing::Log10, 8, Quantity::Plain),
-            ["0.05", "0.1", "0.2", "0.5", "1", "2", "5"]
-        );
-        assert_eq!(axis(1e-3, 1e9, Spacing::Log10, 5, Quantity::Count).len(), 5);
-        assert_eq!(
-            axis(14_000.0, 17_500.0, Spacing::Log10, 4, Quantity::Count),
-            ["14k", "15k", "16k", "17k"]
-        );
-        assert_eq!(axis(9e5, 6e6, Spacing::Log10, 6, Quantity::Bytes), ["1 MB", "2 MB", "5 MB"]);
-        assert_eq!(
-            axis(300.0, 3e4, Spacing::Log10, 6, Quantity::Bytes),
-            ["500 B", "1 kB", "2 kB", "5 kB", "10 kB", "20 kB"]
-        );
-    }
-
-    #[test]
-    fn binary_ticks_are_as_many_powers_of_two_as_fit() {
-        assert_eq!(
-            axis(3.0, 300.0, Spacing::Log2, 8, Quantity::Plain),
-            ["4", "8", "16", "32", "64", "128", "256"]
-        );
-        assert_eq!(axis(3.0, 300.0, Spacing::Log2, 5, Quantity::Plain), ["4", "16", "64", "256"]);
-        // A range without two powers has linear ticks.
-        assert_eq!(axis(4.0, 7.0, Spacing::Log2, 4, Quantity::Plain), ["4", "5", "6", "7"]);
+    fn ticks_are_round_and_labelled_with_the_digits_they_need() {
+        let (linear, log) = (false, true);
+        for (low, high, is_log, most, quantity, expected) in [
+            (20.3, 27.9, linear, 8, Quantity::Plain, "21 22 23 24 25 26 27"),
+            (20.3, 27.9, linear, 5, Quantity::Plain, "22 24 26"),
+            (26.02, 26.18, linear, 5, Quantity::Plain, "26.05 26.10 26.15"),
+            (-0.3, 0.3, linear, 5, Quantity::Plain, "−0.2 −0.1 0.0 0.1 0.2"),
+            (0.0, 30_000.0, linear, 4, Quantity::Count, "0 10k 20k 30k"),
+            (900.0, 2600.0, linear, 4, Quantity::Count, "1k 1.5k 2k 2.5k"),
+            (3.0, 150.0, log, 8, Quantity::Plain, "5 10 20 50 100"),
+            (0.4, 3000.0, log, 6, Quantity::Plain, "1 10 100 1,000"),
+            (0.04, 6.0, log, 8, Quantity::Plain, "0.05 0.1 0.2 0.5 1 2 5"),
+            // Less than a decade.
+            (14_000.0, 17_500.0, log, 4, Quantity::Count, "14k 15k 16k 17k"),
+            (9e5, 6e6, log, 6, Quantity::Bytes, "1 MB 2 MB 5 MB"),
+        ] {
+            let ticks = Scale { low, high, is_log }.ticks(most);
+            assert_eq!(labels(&ticks, is_log, quantity).join(" "), expected, "{low} {high}");
+        }
     }
 
     #[test]
     fn scales_contain_their_values_even_a_single_one() {
-        let scale = Scale::around([10.0, 1000.0, f64::NAN, -1.0, 0.0], Spacing::Log10).unwrap();
+        let scale = Scale::around([10.0, 1000.0, f64::NAN, -1.0, 0.0], true).unwrap();
         assert!(scale.place(10.0) > 0.01 && scale.place(1000.0) < 0.99);
         assert!((scale.place(100.0) - 0.5).abs() < 1e-12);
-        let linear = Scale::around([10.0, 30.0], Spacing::Linear).unwrap();
-        assert!((linear.place(20.0) - 0.5).abs() < 1e-12);
-        let (linear, log) = (Spacing::Linear, Spacing::Log10);
-        for (value, spacing) in [(26.2, linear), (0.0, linear), (-3.0, linear), (14_686.0, log), (1e-7, log)]
-        {
-            let scale = Scale::around([value], spacing).unwrap();
+        for (value, is_log) in [(26.2, false), (0.0, false), (-3.0, false), (14_686.0, true), (1e-7, true)] {
+            let scale = Scale::around([value], is_log).unwrap();
             assert!((scale.place(value) - 0.5).abs() < 1e-9, "{value}");
             assert!(!scale.ticks(6).is_empty(), "{value}");
         }
-        for (values, spacing) in
-            [(vec![], linear), (vec![f64::NAN, f64::INFINITY], linear), (vec![0.0, -2.0], log)]
+        for (values, is_log) in
+            [(vec![], false), (vec![f64::NAN, f64::INFINITY], false), (vec![0.0, -2.0], true)]
         {
-            assert!(Scale::around(values, spacing).is_none());
+            assert!(Scale::around(values, is_log).is_none());
         }
     }
 
@@ -283,9 +174,9 @@ mod tests {
             for mantissa in [1.0, 1.7, 3.3, 9.99] {
                 let low = mantissa * 10_f64.powi(exponent);
                 for ratio in [1.001, 1.3, 2.0, 11.0, 1e4, 1e15] {
-                    for spacing in [Spacing::Linear, Spacing::Log10, Spacing::Log2] {
-                        let ticks = Scale { low, high: low * ratio, spacing }.ticks(6);
-                        assert!((1..=6).contains(&ticks.len()), "{low} x {ratio} {spacing:?}: {ticks:?}");
+                    for is_log in [false, true] {
+                        let ticks = Scale { low, high: low * ratio, is_log }.ticks(6);
+                        assert!((1..=6).contains(&ticks.len()), "{low} x {ratio} {is_log}: {ticks:?}");
                         assert!(ticks.is_sorted());
                     }
                 }
@@ -294,8 +185,8 @@ mod tests {
     }
 
     #[test]
-    fn thousands_are_separated() {
-        assert_eq!(with_thousands("-1234567.5"), "-1,234,567.5");
-        assert_eq!(with_thousands("999"), "999");
+    fn thousands_are_separated_and_zero_has_no_sign() {
+        assert_eq!(number(-1_234_567.5, 1), "−1,234,567.5");
+        assert_eq!(number(-0.001, 2), "0.00");
     }
 }

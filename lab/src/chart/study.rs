@@ -1,14 +1,14 @@
 //! The runs to compare, their measures and their pairs: from lines of results to numbers.
 
-use super::cases::{Case, WorstView};
+use super::checks::WorstView;
 use super::measure::{Measure, bytes_of};
-use super::merge::{merged, names};
-use super::mismatch::same_images;
-use super::scale::Quantity;
-use super::stats::Stats;
-use super::{mismatch, plausible};
-use crate::results::{Hardware, Record, Status};
+use super::mismatch;
+use super::plot::Quantity;
+use crate::matrix::SceneEntry;
+use crate::results::{self, Hardware, Record, Status};
+use crate::stats::Stats;
 use litetex_gs::{Error, Report, Result};
+use std::collections::{HashMap, HashSet};
 
 /// The clock that training time is read from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -31,20 +31,10 @@ pub struct Options {
     pub include_noisy: bool,
     /// Clock of the training times.
     pub clock: Clock,
-    /// What is expected of the runs.
-    pub cases: Vec<Case>,
+    /// Scenes with what is expected of their runs.
+    pub cases: Vec<SceneEntry>,
     /// Images for the cases.
     pub worst_views: Vec<WorstView>,
-}
-
-/// An evaluation during training.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CurvePoint {
-    pub step: f64,
-    /// Training time by the study's clock; `None` if it is not to be trusted.
-    pub secs: Option<f64>,
-    pub psnr: Option<f64>,
-    pub grad_psnr: Option<f64>,
 }
 
 /// The successful runs of all seeds of a scene, variant and budget.
@@ -54,6 +44,8 @@ pub struct Group<'a> {
     pub variant: &'a str,
     pub budget: &'a str,
     pub runs: Vec<&'a Record>,
+    /// Number of failed runs.
+    pub failed: usize,
 }
 
 /// Merged results, successful `runs` and `failed` ones. Scenes, variants and budgets are in the order of the matrix.
@@ -77,8 +69,6 @@ pub struct Study {
     pub bytes: Vec<Measure>,
     /// Training time by the chosen clock.
     pub time: Measure,
-    /// Key of the training time in points of curves.
-    curve_secs: &'static str,
     /// Warnings for the reader of tables and charts.
     pub report: Report,
 }
@@ -94,7 +84,7 @@ impl Study {
         let scenes = names(&records, |r| &r.scene);
         let variants = names(&records, |r| &r.variant);
         let budgets = names(&records, |r| &r.budget);
-        let (mut runs, failed): (Vec<Record>, Vec<Record>) =
+        let (runs, failed): (Vec<Record>, Vec<Record>) =
             records.into_iter().partition(|r| r.status == Status::Ok && r.summary.is_some());
         if runs.is_empty() {
             return Err(Error::Usage(format!(
@@ -102,14 +92,14 @@ impl Study {
                 failed.len()
             )));
         }
-        plausible::drop_implausible(&mut runs, &mut report);
         mismatch::warn(&runs, &mut report);
         let baseline = baseline(options.baseline.as_deref(), &variants)?;
         let is_cpu_time = match options.clock {
             Clock::Auto => runs.iter().all(|r| device(r) == "cpu"),
             clock => clock == Clock::Cpu,
         };
-        let (time, curve_secs) = Measure::training_time(is_cpu_time);
+        let count = |id, name| Measure::cost(id, name, "", &format!("/size/{id}"), Quantity::Count);
+        let time = Measure::training_time(is_cpu_time);
         warn_of_conditions(&runs, options.include_noisy, time.unit, &mut report);
         Ok(Self {
             failed,
@@ -120,26 +110,19 @@ impl Study {
             include_noisy: options.include_noisy,
             qualities: Measure::qualities(),
             counts: vec![
-                Measure::cost("splats", "Splats", "", "/size/splats", Quantity::Count),
-                Measure::cost("texels", "Texels", "", "/size/texels", Quantity::Count),
-                Measure::cost(
-                    "sh_coefficients",
-                    "SH coefficients",
-                    "",
-                    "/size/sh_coefficients",
-                    Quantity::Count,
-                ),
+                count("splats", "Splats"),
+                count("texels", "Texels"),
+                count("sh_coefficients", "SH coefficients"),
             ],
-            params: Measure::cost("params", "Parameters", "", "/size/params", Quantity::Count),
+            params: count("params", "Parameters"),
             bytes: bytes_of(&runs),
             time,
-            curve_secs,
             report,
             runs,
         })
     }
 
-    /// Groups with at least one successful run, by scene, budget and variant in the order of the matrix.
+    /// Groups with at least one run, successful or not, by scene, budget and variant in the order of the matrix.
     pub fn groups(&self) -> Vec<Group<'_>> {
         let mut groups = Vec::new();
         for scene in &self.scenes {
@@ -147,7 +130,7 @@ impl Study {
                 groups.extend(self.variants.iter().map(|variant| self.group(scene, variant, budget)));
             }
         }
-        groups.retain(|g| !g.runs.is_empty());
+        groups.retain(|g| !g.runs.is_empty() || g.failed > 0);
         groups
     }
 
@@ -156,7 +139,7 @@ impl Study {
         let of = |r: &&Record| r.scene == scene && r.variant == variant && r.budget == budget;
         let mut runs: Vec<&Record> = self.runs.iter().filter(of).collect();
         runs.sort_by_key(|r| r.seed);
-        Group { scene, variant, budget, runs }
+        Group { scene, variant, budget, runs, failed: self.failed.iter().filter(of).count() }
     }
 
     /// A measure of a run; `None` if it is missing, no number, or a time that is not to be trusted.
@@ -186,7 +169,7 @@ impl Study {
             let partner = b.runs.iter().find(|p| p.seed == run.seed && p.scene == run.scene);
             let Some(partner) = partner else { continue };
             let is_comparable = !measure.is_time || machine(run) == machine(partner);
-            if !(is_comparable && same_images(run, partner)) {
+            if !(is_comparable && mismatch::same_images(run, partner)) {
                 continue;
             }
             let (Some(x), Some(y)) = (self.value(run, measure), self.value(partner, measure)) else {
@@ -201,32 +184,57 @@ impl Study {
         out
     }
 
-    /// The evaluations during a run.
-    pub fn curve(&self, run: &Record) -> Vec<CurvePoint> {
-        let points =
-            run.summary.as_ref().and_then(|s| s.get("curve")?.as_array()).map_or(&[][..], Vec::as_slice);
-        let point = |p: &serde_json::Value| {
-            let number = |key: &str| p.get(key)?.as_f64().filter(|x| x.is_finite());
-            Some(CurvePoint {
-                step: number("step")?,
-                secs: number(self.curve_secs).filter(|_| self.counts_time(run)),
-                psnr: number("psnr_test"),
-                grad_psnr: number("grad_psnr_test"),
-            })
-        };
-        points.iter().filter_map(point).collect()
+    /// Number of a variant, which selects its colour and marker.
+    pub fn look(&self, variant: &str) -> Option<usize> {
+        self.variants.iter().position(|v| v == variant)
     }
 
-    /// Number of a variant, which selects its colour and marker.
-    pub fn look(&self, variant: &str) -> usize {
-        self.variants.iter().position(|v| v == variant).unwrap_or(0)
+    /// Variants besides the baseline.
+    pub fn others(&self) -> impl Iterator<Item = &String> {
+        self.variants.iter().filter(|v| **v != self.baseline)
     }
+}
+
+/// The last lines of all keys, in the order of the matrices.
+fn merged(files: Vec<Vec<Record>>, report: &mut Report) -> Vec<Record> {
+    let ordered = files.into_iter().flat_map(|file| {
+        let mut file = results::latest(file);
+        file.sort_by_key(|r| r.cell);
+        file
+    });
+    unambiguous(results::latest(ordered.collect()), report)
+}
+
+/// Distinct names in the order of their first use.
+fn names(records: &[Record], of: fn(&Record) -> &String) -> Vec<String> {
+    let mut seen = HashSet::new();
+    records.iter().map(of).filter(|name| seen.insert(*name)).cloned().collect()
+}
+
+/// Keeps the last of several runs with equal names and seed but different arguments or versions.
+fn unambiguous(records: Vec<Record>, report: &mut Report) -> Vec<Record> {
+    let name = |r: &Record| (r.scene.clone(), r.variant.clone(), r.budget.clone(), r.seed);
+    let last: HashMap<_, usize> = records.iter().enumerate().map(|(i, r)| (name(r), i)).collect();
+    let (kept, dropped): (Vec<_>, Vec<_>) =
+        records.into_iter().enumerate().partition(|(i, r)| last.get(&name(r)) == Some(i));
+    if let Some((_, first)) = dropped.first() {
+        report.warn(
+            "ambiguous-runs",
+            dropped.len(),
+            format!(
+                "{} runs are ignored because a later one has the same names and seed but other arguments or another \
+                 version; the first is {}",
+                dropped.len(),
+                first.describe()
+            ),
+        );
+    }
+    kept.into_iter().map(|(_, r)| r).collect()
 }
 
 /// Name of the device that trained.
 pub fn device(run: &Record) -> &str {
-    let name = run.summary.as_ref().and_then(|s| s.pointer("/device/name")?.as_str());
-    name.unwrap_or("unknown")
+    run.value("/device/name").and_then(|name| name.as_str()).unwrap_or("unknown")
 }
 
 /// The variant requested, or the first.
@@ -278,5 +286,5 @@ fn machine(run: &Record) -> (&Hardware, usize, &str) {
 }
 
 fn distinct<T: Eq + std::hash::Hash>(all: impl Iterator<Item = T>) -> usize {
-    all.collect::<std::collections::HashSet<T>>().len()
+    all.collect::<HashSet<T>>().len()
 }

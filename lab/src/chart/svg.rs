@@ -1,58 +1,92 @@
-//! The SVG writer of all charts: elements, escaping, the style sheet for light and dark screens, widths of text.
+//! The SVG writer of all charts: elements, markers, escaping, the style sheet for light and dark screens.
 
-use super::look::{DASHES, PALETTE, marker_path};
 use std::fmt::Write;
 
 /// Colours of the background, text, secondary text, grid and grey markers, each for light and dark screens.
-pub const BACKGROUND: (&str, &str) = ("#ffffff", "#15181c");
+const BACKGROUND: (&str, &str) = ("#ffffff", "#15181c");
 const TEXT: (&str, &str) = ("#1c2024", "#e8eaed");
 const SECONDARY: (&str, &str) = ("#5c6570", "#a3abb5");
 const GRID: (&str, &str) = ("#e4e7eb", "#2b3037");
 const GREYED: (&str, &str) = ("#b4bac2", "#59616b");
-/// Cells of checks that pass and fail.
-const PASS: (&str, &str) = ("#bfe6cf", "#14532f");
-const FAIL: (&str, &str) = ("#f6c3cb", "#6b1526");
+/// Cells of tables that say that something is good or bad.
+const GOOD: (&str, &str) = ("#bfe6cf", "#14532f");
+const BAD: (&str, &str) = ("#f6c3cb", "#6b1526");
+/// Colours of series on a light and on a dark background. They differ in lightness as well as in hue, and markers
+/// differ in shape, for readers who do not distinguish the hues.
+const PALETTE: [(&str, &str); 8] = [
+    ("#0b62a4", "#5aa9e6"),
+    ("#c8500a", "#ff9a55"),
+    ("#0a7d55", "#3ecf97"),
+    ("#8e3a9d", "#d99be6"),
+    ("#8a6d00", "#e3c04a"),
+    ("#b0203a", "#ff7a8c"),
+    ("#0c7f92", "#52d0e0"),
+    ("#4d545c", "#b9c0c9"),
+];
+/// Dashes and gaps of lines in pixels, one pattern for each round through the colours.
+const DASHES: [&str; 4] = ["none", "8 3", "2 3", "9 3 2 3"];
+/// Corners of markers, all of about the area of a circle, which has none. Their number has no factor in common with that of
+/// the colours, so that forty series differ in one or the other.
+const SHAPES: [&[(f64, f64)]; 5] = [
+    &[],
+    &[(-0.9, -0.9), (0.9, -0.9), (0.9, 0.9), (-0.9, 0.9)],
+    &[(0.0, -1.25), (1.2, 0.9), (-1.2, 0.9)],
+    &[(0.0, -1.3), (1.3, 0.0), (0.0, 1.3), (-1.3, 0.0)],
+    &[(0.0, 1.25), (1.2, -0.9), (-1.2, -0.9)],
+];
 
 /// Font sizes of ticks and legends, and of titles.
-pub const TEXT_PX: f64 = 12.0;
-pub const TITLE_PX: f64 = 15.0;
+const TEXT_PX: f64 = 12.0;
+const TITLE_PX: f64 = 15.0;
+/// Mean width of a character, on the wide side since the font is the reader's.
+const CHAR_PX: f64 = 6.8;
+
+/// Estimated width of a text.
+pub fn text_width_px(text: &str) -> f64 {
+    CHAR_PX * text.chars().count() as f64
+}
+
+/// CSS class of a series: its colour, or grey without a number.
+pub fn colour(look: Option<usize>) -> String {
+    look.map_or("lt-grey".to_owned(), |look| format!("lt-c{}", look % PALETTE.len()))
+}
+
+/// CSS classes of a series' line.
+pub fn line_class(look: Option<usize>) -> String {
+    let dashes = look.map_or(1, |look| look / PALETTE.len() % DASHES.len());
+    format!("lt-line {} lt-d{dashes}", colour(look))
+}
 
 /// CSS rules for the classes that charts use, the same in files and in pages.
 pub fn style() -> String {
     let rules = |dark: bool| {
         let of = |(light, night): (&'static str, &'static str)| if dark { night } else { light };
+        let [bg, text, second, grid] = [BACKGROUND, TEXT, SECONDARY, GRID].map(of);
         let mut css = format!(
             ".lt-bg{{fill:{bg}}}.lt-text{{fill:{text}}}.lt-axis{{fill:{second}}}.lt-grid{{stroke:{grid}}}\
-             .lt-frame,.lt-event{{stroke:{second}}}.lt-label{{fill:{text};stroke:{bg}}}\
-             .lt-pass{{fill:{pass}}}.lt-fail{{fill:{fail}}}.lt-unknown{{fill:{grid}}}.lt-shown{{fill:none}}\
-             .lt-grey{{fill:{grey};stroke:{bg}}}.lt-grey-line{{stroke:{grey}}}.lt-front{{stroke:{text}}}",
-            bg = of(BACKGROUND),
-            text = of(TEXT),
-            second = of(SECONDARY),
-            grid = of(GRID),
-            grey = of(GREYED),
-            pass = of(PASS),
-            fail = of(FAIL)
+             .lt-frame,.lt-event{{stroke:{second}}}.lt-label{{fill:{text};stroke:{bg}}}.lt-mark{{stroke:{bg}}}\
+             .lt-good{{fill:{}}}.lt-bad{{fill:{}}}.lt-faint{{fill:{grid}}}",
+            of(GOOD),
+            of(BAD)
         );
-        for (i, &colour) in PALETTE.iter().enumerate() {
-            let (c, bg) = (of(colour), of(BACKGROUND));
+        let classes = (0..PALETTE.len()).map(|i| colour(Some(i))).chain([colour(None)]);
+        for (class, pair) in classes.zip(PALETTE.into_iter().chain([GREYED])) {
             // A rim in the background's colour separates overlapping markers.
-            let _ = write!(css, ".lt-s{i}{{stroke:{c}}}.lt-f{i}{{fill:{c};stroke:{bg}}}.lt-b{i}{{fill:{c}}}");
+            let _ = write!(css, ".lt-line.{class}{{stroke:{c}}}.{class}{{fill:{c}}}", c = of(pair));
         }
         css
     };
     let dashes = DASHES.iter().enumerate().map(|(i, d)| format!(".lt-d{i}{{stroke-dasharray:{d}}}"));
     format!(
-        ".lt-chart text{{font:{TEXT_PX}px system-ui,-apple-system,\"Segoe UI\",Roboto,\"Helvetica Neue\",Arial,sans-serif}}\
+        "{}{}.lt-chart text{{font:{TEXT_PX}px system-ui,-apple-system,\"Segoe UI\",Roboto,\"Helvetica Neue\",Arial,sans-serif}}\
          .lt-chart .lt-title{{font-size:{TITLE_PX}px;font-weight:600}}\
-         .lt-grid,.lt-frame{{stroke-width:1;fill:none}}.lt-line{{stroke-width:2;fill:none;stroke-linejoin:round}}\
-         .lt-front{{stroke-width:1.5;fill:none;stroke-dasharray:5 4}}.lt-grey-line{{stroke-width:1.5;fill:none}}\
+         .lt-grid,.lt-frame{{stroke-width:1;fill:none}}.lt-chart .lt-line{{stroke-width:2;fill:none;stroke-linejoin:round}}\
          .lt-event{{stroke-width:1;stroke-dasharray:5 4}}\
-         .lt-band{{opacity:.16}}.lt-dot{{opacity:.5}}.lt-hit{{fill:transparent}}\
+         .lt-band{{opacity:.16}}.lt-dot{{opacity:.5}}.lt-chart .lt-hit{{fill:transparent}}\
          .lt-label{{paint-order:stroke;stroke-width:3px;stroke-linejoin:round}}\
-         {}{}@media (prefers-color-scheme:dark){{{}}}",
-        dashes.collect::<String>(),
+         @media (prefers-color-scheme:dark){{{}}}",
         rules(false),
+        dashes.collect::<String>(),
         rules(true)
     )
 }
@@ -75,62 +109,11 @@ pub fn escape(text: &str) -> String {
     out
 }
 
-/// Estimated width of a text, on the wide side since the font is the reader's.
-pub fn text_width_px(text: &str, size_px: f64) -> f64 {
-    let width = |c: char| match c {
-        'i' | 'j' | 'l' | 't' | 'f' | 'r' | 'I' | '.' | ',' | ':' | ';' | '\'' | '|' | '!' | '(' | ')'
-        | ' ' => 0.34,
-        'm' | 'w' | 'M' | 'W' | '@' | '%' => 0.92,
-        'A'..='Z' => 0.70,
-        '\u{2e80}'.. => 1.05,
-        _ => 0.58,
-    };
-    text.chars().map(width).sum::<f64>() * size_px
-}
-
-/// Shortens a text to a width. An ellipsis replaces the middle, since names differ at their beginnings or ends.
-pub fn shortened(text: &str, width_px: f64, size_px: f64) -> String {
-    if text_width_px(text, size_px) <= width_px {
-        return text.to_owned();
-    }
-    let chars: Vec<char> = text.chars().collect();
-    let mut room = width_px - text_width_px("…", size_px);
-    let (mut head, mut tail) = (0, chars.len());
-    while head < tail {
-        let at_head = head <= chars.len() - tail;
-        let next = chars[if at_head { head } else { tail - 1 }];
-        room -= text_width_px(next.encode_utf8(&mut [0; 4]), size_px);
-        if room < 0.0 {
-            break;
-        }
-        if at_head { head += 1 } else { tail -= 1 }
-    }
-    let [head, tail] = [&chars[..head], &chars[tail..]].map(|part| part.iter().collect::<String>());
-    format!("{}…{}", head.trim_end(), tail.trim_start())
-}
-
-/// The part of a text that is placed at its point.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Anchor {
-    Start,
-    Middle,
-    End,
-}
-
-impl Anchor {
-    fn name(self) -> &'static str {
-        match self {
-            Self::Start => "start",
-            Self::Middle => "middle",
-            Self::End => "end",
-        }
-    }
-}
-
 /// A drawing under construction.
 pub struct Svg {
     width_px: f64,
-    height_px: f64,
+    /// May be set last.
+    pub height_px: f64,
     label: String,
     body: String,
 }
@@ -163,49 +146,48 @@ impl Svg {
         );
     }
 
-    /// Draws connected lines, closed to a polygon on request; the class decides on stroke and fill.
-    pub fn polyline(&mut self, class: &str, points: &[(f64, f64)], closed: bool) {
-        if points.is_empty() {
-            return;
+    /// Draws connected lines; the class decides on stroke and fill.
+    pub fn polyline(&mut self, class: &str, points: &[(f64, f64)]) {
+        let points: Vec<String> = points.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
+        if !points.is_empty() {
+            let _ = writeln!(self.body, r#"<polyline class="{class}" points="{}"/>"#, points.join(" "));
         }
-        let mut d = String::new();
-        for (i, (x, y)) in points.iter().enumerate() {
-            let _ = write!(d, "{}{x:.1} {y:.1}", if i == 0 { "M" } else { "L" });
-        }
-        let end = if closed { "Z" } else { "" };
-        let _ = writeln!(self.body, r#"<path class="{class}" d="{d}{end}"/>"#);
     }
 
-    /// Draws a text; `hover` is shown while the pointer is over it.
-    pub fn text(&mut self, class: &str, at: (f64, f64), anchor: Anchor, text: &str, hover: Option<&str>) {
-        let title = hover.map_or(String::new(), |h| format!("<title>{}</title>", escape(h)));
+    /// Draws a text; `anchor` is the part of it that is placed: "start", "middle", "end".
+    pub fn text(&mut self, class: &str, (x, y): (f64, f64), anchor: &str, text: &str) {
         let _ = writeln!(
             self.body,
-            r#"<text class="{class}" x="{:.1}" y="{:.1}" text-anchor="{}">{title}{}</text>"#,
-            at.0,
-            at.1,
-            anchor.name(),
+            r#"<text class="{class}" x="{x:.1}" y="{y:.1}" text-anchor="{anchor}">{}</text>"#,
             escape(text)
         );
     }
 
-    /// Draws the marker of series `look`; `hover` is shown while the pointer is near it.
-    pub fn marker(&mut self, class: &str, look: usize, at: (f64, f64), radius_px: f64, hover: &str) {
-        let d = marker_path(look, at, radius_px);
-        let title =
-            if hover.is_empty() { String::new() } else { format!("<title>{}</title>", escape(hover)) };
-        // A larger invisible disc, since 3 pixels are hard to hit.
-        let hit = if hover.is_empty() {
-            String::new()
+    /// Draws the marker of a series; `hover` is shown while the pointer is near it.
+    pub fn marker(
+        &mut self,
+        class: &str,
+        look: Option<usize>,
+        (x, y): (f64, f64),
+        radius_px: f64,
+        hover: &str,
+    ) {
+        let class = format!("lt-mark {class} {}", colour(look));
+        let corners = SHAPES[look.unwrap_or(0) % SHAPES.len()].iter();
+        let points: Vec<String> =
+            corners.map(|(dx, dy)| format!("{:.1},{:.1}", x + dx * radius_px, y + dy * radius_px)).collect();
+        let shape = if points.is_empty() {
+            format!(r#"<circle class="{class}" cx="{x:.1}" cy="{y:.1}" r="{radius_px:.1}"/>"#)
         } else {
-            format!(
-                r#"<circle class="lt-hit" cx="{:.1}" cy="{:.1}" r="{:.1}"/>"#,
-                at.0,
-                at.1,
-                radius_px + 4.0
-            )
+            format!(r#"<polygon class="{class}" points="{}"/>"#, points.join(" "))
         };
-        let _ = writeln!(self.body, r#"<g>{title}{hit}<path class="{class}" d="{d}"/></g>"#);
+        // A larger invisible disc, since 3 pixels are hard to hit.
+        let hit = radius_px + 4.0;
+        let _ = writeln!(
+            self.body,
+            r#"<g><title>{}</title><circle class="lt-hit" cx="{x:.1}" cy="{y:.1}" r="{hit:.1}"/>{shape}</g>"#,
+            escape(hover)
+        );
     }
 
     /// The element for a page that contains [`style`].
@@ -266,8 +248,8 @@ mod tests {
     fn names_with_markup_are_escaped() {
         let hostile = "</svg><script>alert(\"1\")</script>&'\u{0}\u{b}";
         let mut svg = Svg::new(10.0, 10.0, hostile);
-        svg.text("a", (0.0, 0.0), Anchor::End, hostile, Some(hostile));
-        svg.marker("a", 3, (1.0, 1.0), 2.0, hostile);
+        svg.text("a", (0.0, 0.0), "end", hostile);
+        svg.marker("a", Some(3), (1.0, 1.0), 2.0, hostile);
         let file = svg.standalone();
         assert!(!file.contains("<script") && !file.contains('\0'), "{file}");
         assert_eq!(file.matches("</svg>").count(), 1);
@@ -275,15 +257,12 @@ mod tests {
     }
 
     #[test]
-    fn long_names_are_shortened() {
-        assert_eq!(shortened("fox", 100.0, 12.0), "fox");
-        let short = |name: &str| shortened(name, 90.0, 12.0);
-        let long = short("a very long name of a variant");
-        assert!(long.starts_with("a ver") && long.ends_with("iant") && long.contains('…'), "{long}");
-        assert!(text_width_px(&long, 12.0) <= 90.0, "{long}");
-        // Differences survive at the end as at the beginning.
-        assert_ne!(short("density.quantile=0.8"), short("density.quantile=0.9"));
-        assert_ne!(short("more density.quantile"), short("less density.quantile"));
-        assert_eq!(shortened("abc", 1.0, 12.0), "…");
+    fn forty_series_differ_in_colour_or_marker() {
+        let looks = |n: usize| {
+            (0..n).map(|i| (colour(Some(i)), i % SHAPES.len())).collect::<std::collections::HashSet<_>>()
+        };
+        assert_eq!(looks(40).len(), 40);
+        // Negative control: after that they repeat.
+        assert_eq!(looks(41).len(), 40);
     }
 }

@@ -1,6 +1,12 @@
-//! A table as Markdown, CSV and HTML. Names in it may contain markup or formulas.
+//! A table as Markdown, CSV, HTML, SVG and text. Names in it may contain markup or formulas.
 
-use super::svg::escape;
+use super::svg::{Svg, escape, text_width_px};
+use litetex_gs::console::columns;
+
+/// Height of a row of a drawing, free space in its cells, and the baseline of its title.
+const ROW_PX: f64 = 19.0;
+const PADDING_PX: f64 = 8.0;
+const TITLE_Y: f64 = 25.0;
 
 /// Colour of a cell, on top of what its text says.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -10,6 +16,17 @@ pub enum Tone {
     Good,
     Bad,
     Faint,
+}
+
+impl Tone {
+    fn class(self) -> &'static str {
+        match self {
+            Self::Plain => "",
+            Self::Good => "good",
+            Self::Bad => "bad",
+            Self::Faint => "faint",
+        }
+    }
 }
 
 /// Text for people, and a value for each of the column's keys.
@@ -56,8 +73,8 @@ impl Column {
     }
 
     /// A column of numbers.
-    pub fn numbers(name: impl Into<String>, keys: &[String]) -> Self {
-        Self { name: name.into(), keys: keys.to_vec(), is_number: true }
+    pub fn numbers(name: impl Into<String>, keys: &[&str]) -> Self {
+        Self { name: name.into(), keys: keys.iter().map(|&key| key.to_owned()).collect(), is_number: true }
     }
 }
 
@@ -74,6 +91,62 @@ pub struct Table {
 }
 
 impl Table {
+    /// A table with a name for its files, a title and a note on how to read it.
+    pub fn new(
+        id: &str,
+        title: &str,
+        note: impl Into<String>,
+        columns: Vec<Column>,
+        rows: Vec<Vec<TableCell>>,
+    ) -> Self {
+        Self { id: id.to_owned(), title: title.to_owned(), note: note.into(), columns, rows }
+    }
+
+    /// As aligned text for terminals.
+    pub fn text(&self) -> String {
+        let header: Vec<&str> = self.columns.iter().map(|c| c.name.as_str()).collect();
+        let text = |row: &Vec<TableCell>| row.iter().map(|cell| cell.text.clone()).collect();
+        let rows: Vec<Vec<String>> = self.rows.iter().map(text).collect();
+        format!("{}\n{}\n", columns(&header, &rows), self.note)
+    }
+
+    /// As a drawing, with cells in the colours of their tones.
+    pub fn svg(&self) -> Svg {
+        let widths: Vec<f64> = (0..self.columns.len())
+            .map(|c| {
+                let cells = self.rows.iter().map(|row| row[c].text.as_str());
+                let texts = cells.chain([self.columns[c].name.as_str()]);
+                texts.map(text_width_px).fold(0.0, f64::max) + 2.0 * PADDING_PX
+            })
+            .collect();
+        let height = TITLE_Y + ROW_PX * (self.rows.len() as f64 + 2.0);
+        let mut svg = Svg::new(widths.iter().sum(), height, &self.title);
+        svg.text("lt-text lt-title", (PADDING_PX, TITLE_Y), "start", &self.title);
+        let header = self.columns.iter().map(|c| (c.name.as_str(), Tone::Plain)).collect();
+        let rows =
+            self.rows.iter().map(|row| row.iter().map(|cell| (cell.text.as_str(), cell.tone)).collect());
+        let lines: Vec<Vec<(&str, Tone)>> = std::iter::once(header).chain(rows).collect();
+        for (i, line) in lines.iter().enumerate() {
+            let (mut left, top) = (0.0, TITLE_Y + ROW_PX * (i as f64 + 0.5));
+            for (((text, tone), width), column) in line.iter().zip(&widths).zip(&self.columns) {
+                let (right, bottom) = (left + width - 1.0, top + ROW_PX - 1.0);
+                if *tone != Tone::Plain {
+                    let corners = [(left, top), (right, top), (right, bottom), (left, bottom)];
+                    svg.polyline(&format!("lt-{}", tone.class()), &corners);
+                }
+                let (x, anchor) = if column.is_number {
+                    (left + 0.5 * width, "middle")
+                } else {
+                    (left + PADDING_PX, "start")
+                };
+                let class = if i == 0 { "lt-axis" } else { "lt-text" };
+                svg.text(class, (x, top + ROW_PX - 6.0), anchor, text);
+                left += width;
+            }
+        }
+        svg
+    }
+
     /// As GitHub's Markdown, with a heading.
     pub fn markdown(&self) -> String {
         let mut out = format!("## {}\n\n", markdown_text(&self.title));
@@ -113,17 +186,8 @@ impl Table {
             return out;
         }
         let class = |c: &Column, tone: Tone| {
-            let mut names = Vec::new();
-            if c.is_number {
-                names.push("num");
-            }
-            match tone {
-                Tone::Plain => {}
-                Tone::Good => names.push("good"),
-                Tone::Bad => names.push("bad"),
-                Tone::Faint => names.push("faint"),
-            }
-            if names.is_empty() { String::new() } else { format!(" class=\"{}\"", names.join(" ")) }
+            let names = [if c.is_number { "num" } else { "" }, tone.class()].join(" ");
+            if names.trim().is_empty() { String::new() } else { format!(" class=\"{}\"", names.trim()) }
         };
         // The tabindex lets keyboards scroll it.
         out += "<div class=\"table\" tabindex=\"0\"><table>\n<thead><tr>";
@@ -170,19 +234,10 @@ mod tests {
     use super::*;
 
     fn table(name: &str) -> Table {
-        Table {
-            id: "t".to_owned(),
-            title: name.to_owned(),
-            note: name.to_owned(),
-            columns: vec![
-                Column::names("variant", "variant"),
-                Column::numbers("PSNR", &["psnr_mean".to_owned(), "psnr_sd".to_owned()]),
-            ],
-            rows: vec![vec![
-                TableCell::name(name),
-                TableCell::numbers("20.1 ± 0.1", &[Some(20.125), None]).toned(Tone::Good),
-            ]],
-        }
+        let columns =
+            vec![Column::names("variant", "variant"), Column::numbers("PSNR", &["psnr_mean", "psnr_sd"])];
+        let psnr = TableCell::numbers("20.1 ± 0.1", &[Some(20.125), None]).toned(Tone::Good);
+        Table::new("t", name, name, columns, vec![vec![TableCell::name(name), psnr]])
     }
 
     #[test]

@@ -62,7 +62,7 @@ mod with_gpu {
     use litetex_gs::model::Model;
     use litetex_gs::run::{InitSource, fresh_model};
     use litetex_gs::selftest::{SceneOptions, random_scene};
-    use litetex_gs::text::{format_bytes, format_count};
+    use litetex_gs::text::format_count;
     use litetex_gs::train::{Control, Schedule, TrainConfig, evaluate};
     use litetex_gs::views::{Split, ViewSource};
     use litetex_gs::{Error, Result};
@@ -260,6 +260,7 @@ mod with_gpu {
         Scene { name, views: views.collect(), model: scene.model, background: [0.0; 3], capture: None }
     }
 
+    /// The main figures; the JSON has all.
     fn table_of(f: &Figures) -> Table {
         let k = &f.kernels;
         let mut table = Table::default();
@@ -309,16 +310,12 @@ mod with_gpu {
                 table.row(&format!("  {name}"), format!("{:.4} ms{rate}", 1e3 * secs));
             }),
         }
-        if let Some(c) = &k.counts {
-            count_rows(table, c);
-        }
-        for v in &k.variants {
-            let ms = |secs: Option<f64>| secs.map_or("-".to_owned(), |s| format!("{:.4} ms", 1e3 * s));
-            let name = if v.hardware_kernels { "hardware rasteriser" } else { "software rasteriser" };
-            let times = format!("forward {}, backward {}", ms(v.raster_fwd_secs), ms(v.raster_bwd_secs));
-            table.row(name, times);
-            if let Some(c) = &v.counts {
-                table.row("  counted", form_counts(c));
+        if let Some(CountFigures { pairs: p, traffic, .. }) = &k.counts {
+            let pairs = [p.visited, p.evaluated, p.inside, p.blended].map(|n| format!("{n:.1}"));
+            table
+                .row("pairs per pixel", format!("visited, evaluated, inside, blended: {}", pairs.join(", ")));
+            if let Some(ratio) = traffic.items.last().and_then(|all| all.ratio) {
+                table.row("memory traffic", format!("{ratio:.2} times the floor"));
             }
         }
         let verdict = match (k.repeatable, &k.state_hash) {
@@ -327,38 +324,5 @@ mod with_gpu {
             _ => "not measured: out of time".to_owned(),
         };
         table.row("repeatable", verdict);
-    }
-
-    /// What the two forms differ in.
-    fn form_counts(c: &CountFigures) -> String {
-        let traffic = c.traffic.items.last().and_then(|all| all.ratio).unwrap_or(f64::NAN);
-        format!(
-            "traffic {traffic:.2} times the floor, visited / evaluated {:.2}, atomics per blended pair {:.3}",
-            c.pairs.visited_per_evaluated, c.texel_atomics.per_blended_pair
-        )
-    }
-
-    fn count_rows(table: &mut Table, c: &CountFigures) {
-        let p = &c.pairs;
-        table.row(
-            "pairs per pixel",
-            format!(
-                "{:.1} visited, {:.1} evaluated, {:.1} inside, {:.1} blended ({} tile pairs)",
-                p.visited,
-                p.evaluated,
-                p.inside,
-                p.blended,
-                format_count(p.tile_pairs as u64)
-            ),
-        );
-        table.row("evaluated / blended", format!("{:.2}", p.evaluated_per_blended));
-        table.row("visited / evaluated", format!("{:.2}", p.visited_per_evaluated));
-        table.row("atomics per blended pair", format!("{:.3}", c.texel_atomics.per_blended_pair));
-        for share in &c.traffic.items {
-            let item = share.item.map_or("total".to_owned(), |i| format!("{i:?}").to_lowercase());
-            let ratio = share.ratio.map_or(String::new(), |r| format!(", {r:.2} times"));
-            let [ours, floor] = [share.bytes, share.floor_bytes].map(|b| format_bytes(b as u64));
-            table.row(&format!("traffic, {item}"), format!("{ours}, floor {floor}{ratio}"));
-        }
     }
 }

@@ -4,8 +4,8 @@ use super::bench;
 use base64::prelude::{BASE64_STANDARD, Engine as _};
 use litetex_gs::console::{self, Log, path_text};
 use litetex_gs::{Error, Report, Result, atomic_file, input_file};
-use litetex_lab::chart::{Case, Clock, MANIFEST, Options, Output, PAGE, WorstView, build, manifest_entries};
-use litetex_lab::matrix::Matrix;
+use litetex_lab::chart::{Clock, MANIFEST, Options, Output, PAGE, WorstView, build, manifest_entries};
+use litetex_lab::matrix::{Matrix, SceneEntry};
 use litetex_lab::results;
 use serde_json::json;
 use std::collections::HashSet;
@@ -42,22 +42,11 @@ pub struct ChartArgs {
     #[arg(long, value_name = "FILE")]
     checks: Option<PathBuf>,
     /// Clock that times are taken from; auto: cpu if every run used the CPU as its device, else wall
-    #[arg(long, value_name = "CLOCK", default_value = "auto")]
-    clock: ClockArg,
+    #[arg(long, value_name = "CLOCK", default_value = "auto", value_parser = ["auto", "cpu", "wall"])]
+    clock: String,
     /// Replace the files that an earlier "litetex-lab chart" wrote into the folder; other files stay
     #[arg(long)]
     force: bool,
-}
-
-/// Clock, as typed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-enum ClockArg {
-    /// cpu if every run used the CPU as its device, else wall
-    Auto,
-    /// CPU seconds of the process
-    Cpu,
-    /// Wall seconds
-    Wall,
 }
 
 /// Reads results, writes the files and reports the main table.
@@ -70,10 +59,10 @@ pub fn run(args: &ChartArgs, log: &Log) -> Result<console::Output> {
     let mut report = Report::default();
     let files = args.results.iter().map(|path| read(path, &mut report)).collect::<Result<Vec<_>>>()?;
     log.report(&report);
-    let clock = match args.clock {
-        ClockArg::Auto => Clock::Auto,
-        ClockArg::Cpu => Clock::Cpu,
-        ClockArg::Wall => Clock::Wall,
+    let clock = match &*args.clock {
+        "cpu" => Clock::Cpu,
+        "wall" => Clock::Wall,
+        _ => Clock::Auto,
     };
     let cases = args.checks.as_deref().map(cases).transpose()?.unwrap_or_default();
     let worst_views = if cases.is_empty() { Vec::new() } else { worst_views(&args.results, &files)? };
@@ -90,14 +79,14 @@ pub fn run(args: &ChartArgs, log: &Log) -> Result<console::Output> {
     log.info(&format!("{} files; open {}", output.files.len(), args.out.join(PAGE).display()));
     let files: Vec<&String> = output.files.iter().map(|(name, _)| name).collect();
     let found = json!({ "out": path_text(&args.out), "files": files });
-    Ok(console::Output::new("litetex-chart/1", found, &output.results_markdown))
+    Ok(console::Output::new("litetex-chart/1", found, &output.summary))
 }
 
-/// The checks in a matrix.
-fn cases(path: &Path) -> Result<Vec<Case>> {
+/// The scenes of a matrix, with their checks.
+fn cases(path: &Path) -> Result<Vec<SceneEntry>> {
     let matrix = Matrix::read(path)?;
     matrix.check_checks()?;
-    Ok(Case::all(&matrix))
+    Ok(matrix.scenes)
 }
 
 /// The worst test view that the first run of each scene and variant has kept, in the folders of benchmarks.

@@ -4,7 +4,7 @@ use clap::Parser;
 use litetex_gs::run::Profile;
 use litetex_gs::train::{Policy, TrainConfig};
 use litetex_gs::{Error, Result};
-use litetex_lab::matrix::TrainCommand;
+use litetex_lab::matrix::Commands;
 use std::cell::RefCell;
 use std::collections::HashMap;
 use std::ffi::OsStr;
@@ -93,7 +93,7 @@ pub fn output(program: &Path, args: &[impl AsRef<OsStr>]) -> Result<Vec<u8>, Str
     Err(said.trim().trim_start_matches("error: ").to_owned())
 }
 
-impl TrainCommand for Litetex {
+impl Commands for Litetex {
     fn flag_of(&self, name: &str) -> Option<&'static str> {
         // The policy `cat` is part of the profile of that name.
         let is_profile = name.parse().is_ok_and(|profile: Profile| profile != Profile::Default);
@@ -105,28 +105,19 @@ impl TrainCommand for Litetex {
         TrainConfig::default().seed
     }
 
-    fn check(&self, args: &[String]) -> Result<Option<PathBuf>, String> {
-        if let Some(what) = taken(args) {
-            return Err(format!("the arguments contain {what}"));
-        }
-        self.parse("train", "capture", args)?;
-        Ok(config_file(args))
-    }
-
-    fn check_sample(&self, args: &[String]) -> Result<(), String> {
-        self.parse("sample", "capture", args)
-    }
-
-    fn check_eval(&self, args: &[String]) -> Result<(), String> {
-        self.parse("eval", "run", args)
-    }
-
-    fn check_figures(&self, args: &[String]) -> Result<(), String> {
-        let words = ["litetex-lab", "figures", "run"].into_iter().chain(args.iter().map(String::as_str));
-        match super::Cli::try_parse_from(words) {
-            Ok(_) => Ok(()),
-            Err(_) if args.is_empty() => Ok(()),
-            Err(e) => Err(e.render().to_string().trim_start_matches("error: ").trim().to_owned()),
+    fn check(&self, command: &str, args: &[String]) -> Result<(), String> {
+        match command {
+            "figures" => {
+                let words =
+                    ["litetex-lab", "figures", "run"].into_iter().chain(args.iter().map(String::as_str));
+                let wrong = super::Cli::try_parse_from(words).err();
+                wrong.map_or(Ok(()), |e| {
+                    Err(e.render().to_string().trim_start_matches("error: ").trim().to_owned())
+                })
+            }
+            "train" if let Some(what) = taken(args) => Err(format!("the arguments contain {what}")),
+            "eval" => self.parse("eval", "run", args),
+            _ => self.parse(command, "capture", args),
         }
     }
 }
@@ -140,15 +131,6 @@ fn taken(args: &[String]) -> Option<&'static str> {
     TAKEN.iter().find(|(option, _)| args.iter().any(|word| is(word, option))).map(|(_, what)| *what)
 }
 
-/// The settings file among the arguments; the last one counts.
-fn config_file(args: &[String]) -> Option<PathBuf> {
-    let of = |(at, word): (usize, &String)| match word.strip_prefix("--config")? {
-        "" => args.get(at + 1).map(PathBuf::from),
-        rest => rest.strip_prefix('=').map(PathBuf::from),
-    };
-    args.iter().enumerate().filter_map(of).next_back()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -156,12 +138,6 @@ mod tests {
 
     fn words(text: &str) -> Vec<String> {
         split_words(text).unwrap()
-    }
-
-    #[test]
-    fn the_last_settings_file_counts() {
-        assert_eq!(config_file(&words("--config a.toml --steps 3 --config=b.toml")), Some("b.toml".into()));
-        assert_eq!(config_file(&words("--configure a.toml")), None);
     }
 
     #[test]

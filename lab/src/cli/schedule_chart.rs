@@ -4,7 +4,7 @@ use litetex_gs::console::{Log, Output, check_free, path_text};
 use litetex_gs::frequency::FrequencySchedule;
 use litetex_gs::train::StageSpan;
 use litetex_gs::{Error, Result, atomic_file, input_file};
-use litetex_lab::chart::plot::{Axis, Chart, Quantity, Series, Spacing, stacked};
+use litetex_lab::chart::plot::{Axis, Chart, Quantity, Series, stacked};
 use serde::Deserialize;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -80,12 +80,11 @@ fn scales(plan: &Plan) -> Chart {
             100.0 * plan.pixel_work
         ),
         x: steps(),
-        y: axis("Scale (full size = 1)", Spacing::Linear, Quantity::Plain),
+        y: axis("Scale (full size = 1)", Quantity::Plain),
         series: vec![
             line("rendered, r", 1, staircase(&plan.stages, |s| s.render_scale)),
             line("required by the photos, s", 0, curve.collect()),
         ],
-        front: Vec::new(),
         events: events(plan, ["densification ends", "full size from here"]),
     }
 }
@@ -96,9 +95,8 @@ fn caps(plan: &Plan) -> Chart {
         id: "caps".to_owned(),
         title: "Texture cap".to_owned(),
         x: steps(),
-        y: axis("Texels per side", Spacing::Log2, Quantity::Plain),
+        y: Axis { is_log: true, ..axis("Texels per side", Quantity::Plain) },
         series: vec![line("texture cap", 2, staircase(&plan.stages, |s| s.texture_cap.into()))],
-        front: Vec::new(),
         // Labelled in the panel above.
         events: events(plan, ["", ""]),
     }
@@ -109,16 +107,16 @@ fn events(plan: &Plan, labels: [&str; 2]) -> Vec<(f64, String)> {
     steps.into_iter().zip(labels).map(|(step, label)| (f64::from(step), label.to_owned())).collect()
 }
 
-fn axis(name: &str, spacing: Spacing, quantity: Quantity) -> Axis {
-    Axis { name: name.to_owned(), spacing, quantity }
+fn axis(name: &str, quantity: Quantity) -> Axis {
+    Axis { name: name.to_owned(), quantity, ..Axis::default() }
 }
 
 fn steps() -> Axis {
-    axis("Training step", Spacing::Linear, Quantity::Count)
+    axis("Training step", Quantity::Count)
 }
 
 fn line(name: &str, look: usize, points: Vec<(f64, f64)>) -> Series {
-    Series { name: name.to_owned(), look, line: points, ..Series::default() }
+    Series { name: name.to_owned(), look: Some(look), line: points, ..Series::default() }
 }
 
 /// A level that is constant during each stage.

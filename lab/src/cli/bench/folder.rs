@@ -1,18 +1,20 @@
 //! The folder of a benchmark: its lock, its results, and what --force may delete.
 
 use super::args::BenchArgs;
-use super::captures::{self, CAPTURES};
+use super::captures::CAPTURES;
 use litetex_gs::console::Log;
 use litetex_gs::{Error, Result, atomic_file};
 use litetex_lab::results::{self, Record};
-use std::fs::{File, TryLockError};
-use std::io::ErrorKind;
+use std::fs::{self, File, TryLockError};
 use std::path::Path;
 
 /// Names in the folder: results, the folder of the runs, and the file that is locked while a benchmark uses the folder.
 pub const RESULTS: &str = "results.jsonl";
 pub const RUNS: &str = "runs";
 const LOCK: &str = ".bench.lock";
+/// Hexadecimal digits at the end of the names of runs, which are their keys, and of captures.
+const KEY_DIGITS: usize = 16;
+const CAPTURE_DIGITS: usize = 8;
 
 /// Returns the results so far and the lock of the folder; refuses a folder with other contents.
 pub fn open(args: &BenchArgs, file: &Path, log: &Log) -> Result<(Vec<Record>, Option<File>)> {
@@ -21,10 +23,10 @@ pub fn open(args: &BenchArgs, file: &Path, log: &Log) -> Result<(Vec<Record>, Op
         return Err(Error::Usage(format!("{}: is a file, not a folder", folder.display())));
     }
     // A benchmark that was stopped during its first run leaves no results.
-    let is_ours = |e: std::io::Result<std::fs::DirEntry>| {
+    let is_ours = |e: std::io::Result<fs::DirEntry>| {
         e.is_ok_and(|e| [RUNS, CAPTURES, LOCK].iter().any(|name| e.file_name() == *name))
     };
-    let is_empty = std::fs::read_dir(folder).map_or(true, |mut entries| entries.all(is_ours));
+    let is_empty = fs::read_dir(folder).map_or(true, |mut entries| entries.all(is_ours));
     if !(is_empty || file.exists() || args.force || args.resume) {
         return Err(Error::Usage(format!(
             "{}: the folder is not empty and contains no {RESULTS}; choose another, or add --force, which leaves \
@@ -43,10 +45,10 @@ pub fn open(args: &BenchArgs, file: &Path, log: &Log) -> Result<(Vec<Record>, Op
     let lock = lock(folder)?;
     if args.force {
         if file.exists() {
-            std::fs::remove_file(file).map_err(|e| Error::io(file, e))?;
+            fs::remove_file(file).map_err(|e| Error::io(file, e))?;
         }
-        remove_runs(&folder.join(RUNS))?;
-        captures::remove_all(&folder.join(CAPTURES))?;
+        remove_made(&folder.join(RUNS), KEY_DIGITS)?;
+        remove_made(&folder.join(CAPTURES), CAPTURE_DIGITS)?;
     }
     Ok((read_results(file, log)?, Some(lock)))
 }
@@ -81,34 +83,41 @@ fn check_ours(folder: &Path) -> Result<()> {
     }
 }
 
-/// Removes the runs' folders and messages, and nothing else that may be among them.
-fn remove_runs(runs: &Path) -> Result<()> {
-    let entries = match std::fs::read_dir(runs) {
-        Ok(entries) => entries,
-        Err(e) if e.kind() == ErrorKind::NotFound => return Ok(()),
-        Err(e) => return Err(Error::io(runs, e)),
-    };
+/// Removes what a benchmark has made in a folder, and nothing else that may be there: names that end in a hash of this many
+/// hexadecimal digits.
+fn remove_made(folder: &Path, digits: usize) -> Result<()> {
+    let Ok(entries) = fs::read_dir(folder) else { return Ok(()) };
     for entry in entries {
-        let path = entry.map_err(|e| Error::io(runs, e))?.path();
-        if !path.file_name().and_then(|n| n.to_str()).is_some_and(is_name_of_run) {
+        let path = entry.map_err(|e| Error::io(folder, e))?.path();
+        let name = path.file_name().and_then(|n| n.to_str()).unwrap_or_default();
+        let stem = name.trim_end_matches(".log").trim_end_matches(".part");
+        let is_hash = |hash: &str| hash.len() == digits && hash.bytes().all(|b| b.is_ascii_hexdigit());
+        if !stem.rsplit_once('-').is_some_and(|(_, hash)| is_hash(hash)) {
             continue;
         }
-        let removed =
-            if path.is_dir() { std::fs::remove_dir_all(&path) } else { std::fs::remove_file(&path) };
-        removed.map_err(|e| Error::io(&path, e))?;
+        if path.is_dir() {
+            remove_folder(&path)?;
+        } else {
+            fs::remove_file(&path).map_err(|e| Error::io(&path, e))?;
+        }
     }
     Ok(())
 }
 
-/// Whether a name ends like those of [`super::runner::folder_name`]: in a key of 16 hexadecimal digits.
-fn is_name_of_run(name: &str) -> bool {
-    let key = name.trim_end_matches(".log").rsplit('-').next().unwrap_or_default();
-    key.len() == 16 && key.len() < name.len() && key.bytes().all(|b| b.is_ascii_hexdigit())
+/// Removes a folder with everything in it, if it is there.
+pub fn remove_folder(folder: &Path) -> Result<()> {
+    if folder.is_dir() { fs::remove_dir_all(folder).map_err(|e| Error::io(folder, e)) } else { Ok(()) }
+}
+
+/// The beginning of a name as a part of a file name.
+pub fn plain(name: &str, chars_max: usize) -> String {
+    let safe = name.chars().map(|c| if c.is_alphanumeric() || "-_+".contains(c) { c } else { '_' });
+    safe.take(chars_max).collect()
 }
 
 /// Keeps other benchmarks out of the folder until the lock is dropped.
 fn lock(folder: &Path) -> Result<File> {
-    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+    fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     let path = folder.join(LOCK);
     atomic_file::check_place(&path)?;
     let file = File::create(&path).map_err(|e| Error::io(&path, e))?;

@@ -1,10 +1,9 @@
-//! Messages of a benchmark: a line per finished run, the list of runs, the table at the end.
+//! Messages of a benchmark: a line per finished run, the list of runs.
 
+use litetex_gs::Report;
 use litetex_gs::console::{Log, Output, columns};
 use litetex_gs::text::{format_count, format_duration};
-use litetex_gs::{Report, Result};
-use litetex_lab::chart::{Case, checks_markdown};
-use litetex_lab::matrix::{Cell, Matrix};
+use litetex_lab::matrix::Cell;
 use litetex_lab::results::{Record, Status};
 use serde_json::json;
 use std::collections::{BTreeSet, HashMap};
@@ -103,66 +102,4 @@ pub fn list(cells: &[Cell], left: &[&Cell], known: &[Record]) -> Output {
         json!({ "runs": cells.len(), "left": left.len(), "secs_left": total }),
         text,
     )
-}
-
-/// Means over the seeds.
-pub fn table(records: &[&Record]) -> String {
-    let mut groups: Vec<(Name<'_>, Vec<&Record>)> = Vec::new();
-    for record in records {
-        let name = (&*record.scene, &*record.budget, &*record.variant);
-        match groups.iter_mut().find(|(n, _)| *n == name) {
-            Some((_, members)) => members.push(record),
-            None => groups.push((name, vec![record])),
-        }
-    }
-    let rows: Vec<Vec<String>> = groups
-        .iter()
-        .map(|((scene, budget, variant), members)| {
-            let mean = |pointer| {
-                let all: Vec<f64> = members.iter().filter_map(|r| r.number(pointer)).collect();
-                (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64)
-            };
-            let text =
-                |pointer, digits: usize| mean(pointer).map_or("-".to_owned(), |x| format!("{x:.digits$}"));
-            let count = |pointer| mean(pointer).map_or("-".to_owned(), |x| format_count(x.round() as u64));
-            let ok = members.iter().filter(|r| r.status == Status::Ok).count();
-            let noisy = if members.iter().any(|r| r.noisy && r.status == Status::Ok) { " *" } else { "" };
-            vec![
-                (*scene).to_owned(),
-                (*budget).to_owned(),
-                (*variant).to_owned(),
-                if ok == members.len() { ok.to_string() } else { format!("{ok}/{}", members.len()) },
-                text("/quality/psnr", 2),
-                text("/quality/grad_psnr", 2),
-                text("/quality/ssim_3dgs", 4),
-                text("/quality/flip", 4),
-                count("/size/splats"),
-                count("/size/texels"),
-                count("/size/params"),
-                format!("{}{noisy}", text("/time/train_cpu_secs", 1)),
-            ]
-        })
-        .collect();
-    let header = [
-        "scene", "budget", "variant", "runs", "PSNR", "grad", "SSIM", "FLIP", "splats", "texels", "params",
-        "CPU s",
-    ];
-    let mut text = columns(&header, &rows);
-    if records.iter().any(|r| r.noisy) {
-        text += "* the machine was busy with other work: see \"noisy_because\" in the results\n";
-    }
-    text
-}
-
-/// What the runs make of the checks in the scenes of the matrix, if it has any.
-///
-/// # Errors
-/// What reading the figures of the runs reports.
-pub fn checks(records: &[&Record], matrix: &Matrix) -> Result<String> {
-    let cases = Case::all(matrix);
-    let is_checked = cases.iter().any(|case| !case.checks.is_empty());
-    match is_checked && records.iter().any(|r| r.status == Status::Ok) {
-        true => checks_markdown(records.iter().copied().cloned().collect(), cases),
-        false => Ok(String::new()),
-    }
 }

@@ -13,6 +13,7 @@ use args::Words;
 use folder::{RESULTS, RUNS};
 use litetex_gs::console::{Interrupt, Log, Output, path_text};
 use litetex_gs::{Error, Result, memory};
+use litetex_lab::chart::summary;
 use litetex_lab::matrix::{Cell, Matrix, check_captures, shard};
 use litetex_lab::results::{self, Record, Status};
 use litetex_lab::{machine, words};
@@ -65,7 +66,10 @@ pub fn run(args: &BenchArgs, threads: Option<u16>, log: &Log) -> Result<Output> 
             args.out.join(RUNS).join("*.log").display()
         ))
     });
-    let text = messages::table(&mine) + &messages::checks(&mine, &matrix)?;
+    let text = match failed < mine.len() {
+        true => summary(mine.iter().copied().cloned().collect(), &matrix.scenes)?,
+        false => String::new(),
+    };
     let found =
         json!({ "runs": cells.len(), "done": mine.len(), "failed": failed, "results": path_text(&file) });
     Ok(Output::new("litetex-bench/1", found, text).failing(outcome.err().or(failure)))

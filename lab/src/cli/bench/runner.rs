@@ -1,6 +1,7 @@
 //! Makes one run of a benchmark in a process of its own, so that memory, CPU time and crashes do not affect other runs,
 //! and turns its outcome into a line of results.
 
+use super::folder::{plain, remove_folder};
 use crate::cli::litetex::output;
 use litetex_gs::console::Interrupt;
 use litetex_gs::{Error, Result, atomic_file, input_file};
@@ -277,11 +278,7 @@ fn of_run(program: &Path, command: &str, folder: &Path, args: &[String]) -> Resu
 
 /// Name of a run's folder: readable, and distinct by its key.
 pub fn folder_name(names: [&str; 3], seed: u64, key: &str) -> String {
-    let plain = |name: &str| -> String {
-        let safe = name.chars().map(|c| if c.is_alphanumeric() || "-_+".contains(c) { c } else { '_' });
-        safe.take(24).collect()
-    };
-    format!("{}-{seed}-{key}", names.map(plain).join("-"))
+    format!("{}-{seed}-{key}", names.map(|name| plain(name, 24)).join("-"))
 }
 
 fn read_summary(folder: &Path) -> Result<Value, String> {
@@ -317,8 +314,4 @@ fn tidy(folder: &Path, messages: &Path) -> Result<()> {
         }
     }
     fs::remove_file(messages).map_err(|e| Error::io(messages, e))
-}
-
-fn remove_folder(folder: &Path) -> Result<()> {
-    if folder.exists() { fs::remove_dir_all(folder).map_err(|e| Error::io(folder, e)) } else { Ok(()) }
 }

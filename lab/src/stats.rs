@@ -5,7 +5,7 @@
 pub struct Stats {
     pub n: usize,
     pub mean: f64,
-    /// Standard deviation of the stats (n - 1); `None` for a single value.
+    /// Standard deviation (n - 1); `None` for a single value.
     pub sd: Option<f64>,
     pub min: f64,
     pub max: f64,
