@@ -145,7 +145,7 @@ impl Workload {
         let bound = |most: Option<usize>| most.map_or(u64::MAX, |most| most as u64);
         let rule = config.rule();
         let wanted = match rule.split_share {
-            SplitShare::Fixed(share) if share == 0.0 => self.splats,
+            SplitShare::Fixed(0.0) => self.splats,
             SplitShare::Fixed(_) => u64::MAX / 64,
             SplitShare::Scheduled => EXPECTED_GROWTH * self.splats,
         };

@@ -189,7 +189,7 @@ impl TrainConfig {
         let prunes = density.prune_db > 0.0;
         let unused: [(bool, &[&str]); 9] = [
             (true, rule.unused),
-            (!rule.ends_by_need && !(prunes && has_budget), &["need-db"]),
+            (!(rule.ends_by_need || prunes && has_budget), &["need-db"]),
             (!is_adaptive, &["grow-by-axis", "coarsen-below"]),
             (!is_adaptive && rule.splits_any_length, &["quantile"]),
             (map_rule == MapRule::None, &["texture-start"]),
