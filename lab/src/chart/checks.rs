@@ -1,24 +1,13 @@
 //! The table of checks: which variant passes what, with the figures, and the share of the decided cases that it passes;
 //! and the worst test views.
 
-use super::study::Study;
+use super::study::{Study, WorstView};
 use super::svg::escape;
 use super::table::{Column, Table, TableCell, Tone};
 use crate::checks::{Finding, Verdict};
 use crate::matrix::SceneEntry;
 use crate::results::Record;
 use std::fmt::Write;
-
-/// An image of the worst test view of a run, as a data URI.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct WorstView {
-    /// Scene of the run.
-    pub scene: String,
-    /// Variant of the run.
-    pub variant: String,
-    /// The image.
-    pub uri: String,
-}
 
 /// Numbers of cases of a variant.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -16,8 +16,7 @@ mod svg;
 mod table;
 mod tables;
 
-pub use checks::WorstView;
-pub use study::{Clock, Options};
+pub use study::{Clock, Options, WorstView};
 
 /// The page, which has all charts and tables.
 pub const PAGE: &str = "index.html";

@@ -1,6 +1,5 @@
 //! The runs to compare, their measures and their pairs: from lines of results to numbers.
 
-use super::checks::WorstView;
 use super::measure::{Measure, bytes_of};
 use super::mismatch;
 use super::plot::Quantity;
@@ -20,6 +19,17 @@ pub enum Clock {
     Cpu,
     /// Wall time of training.
     Wall,
+}
+
+/// An image of the worst test view of a run, as a data URI.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct WorstView {
+    /// Scene of the run.
+    pub scene: String,
+    /// Variant of the run.
+    pub variant: String,
+    /// The image.
+    pub uri: String,
 }
 
 /// How to compare.

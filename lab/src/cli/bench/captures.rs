@@ -1,16 +1,13 @@
 //! The captures of a benchmark that `litetex sample` makes: each once, in a folder named after the scene and what it is
 //! made with.
 
-use super::folder::{plain, remove_folder};
+use super::folder::{CAPTURES, plain, remove_folder};
 use crate::cli::litetex::output;
 use litetex_gs::console::Log;
 use litetex_gs::{Error, Result};
 use litetex_lab::matrix::Cell;
 use std::fs;
 use std::path::Path;
-
-/// Folder of the captures in the folder of the benchmark.
-pub const CAPTURES: &str = "captures";
 
 /// Gives the cells the paths of their captures.
 pub fn place(cells: &mut [Cell], out: &Path) {

@@ -1,12 +1,14 @@
 //! The folder of a benchmark: its lock, its results, and what --force may delete.
 
 use super::args::BenchArgs;
-use super::captures::CAPTURES;
 use litetex_gs::console::Log;
 use litetex_gs::{Error, Result, atomic_file};
 use litetex_lab::results::{self, Record};
 use std::fs::{self, File, TryLockError};
 use std::path::Path;
+
+/// Folder of the captures in the folder of the benchmark.
+pub const CAPTURES: &str = "captures";
 
 /// Names in the folder: results, the folder of the runs, and the file that is locked while a benchmark uses the folder.
 pub const RESULTS: &str = "results.jsonl";
