@@ -128,13 +128,13 @@ fn adding_only() -> TrainConfig {
 
 #[test]
 fn density_control_without_growth_changes_only_histories_and_the_window() {
-    let with = |interval: u32, min_texel_px: f64| {
+    let with = |interval: Option<u32>, min_texel_px: f64| {
         let mut config = adding_only();
-        (config.density.interval, config.density.min_texel_px) = (Some(interval), min_texel_px);
+        (config.density.interval, config.density.min_texel_px) = (interval, min_texel_px);
         run(&config, start(Policy::Paper), 2)
     };
     // In both, texels are already finer than allowed; in the second, the interval is longer than the run.
-    let (idle, none) = (with(250, 1e3), with(3_000_000, 1e3));
+    let (idle, none) = (with(None, 1e3), with(Some(3_000_000), 1e3));
     assert_eq!((idle.steps.len(), none.steps.len()), (7, 0));
     let rest = |state: &TrainState| TrainState {
         histories: Vec::new(),
@@ -164,7 +164,7 @@ fn density_control_without_growth_changes_only_histories_and_the_window() {
         after.iter().any(|history| history.ceiling > 2) && before.iter().all(|history| history.ceiling == 2)
     );
     // Negative control: allows finer texels.
-    let busy = with(250, 0.25);
+    let busy = with(None, 0.25);
     assert!(busy.total().refined > 0 && !same(&rest(&busy.last), &rest(&none.last)));
     assert_eq!(idle.total(), Default::default());
 }
