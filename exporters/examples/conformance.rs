@@ -2,8 +2,9 @@
 //! `cargo run --example conformance -- FOLDER`
 //!
 //! Every rule of rendering decides pixels of it: SH of degrees 0 to 3, rectangular maps on several atlas pages,
-//! with unequal texel sizes and shifts, off-centre principal points, unequal focal lengths, a coloured background; splats behind the camera and around the
-//! near plane, seen edge-on, opaque on top of each other, of equal depth, and as faint as 1/255. Seeded: the same files every time.
+//! with unequal texel sizes and shifts, off-centre principal points, unequal focal lengths, a coloured background; splats
+//! behind the camera and around the near plane, seen edge-on, opaque on top of each other, of equal depth, and as faint as
+//! 1/255. Seeded: the same files every time.
 
 use litetex_exporters::gltf::{GltfOptions, write_gltf};
 use litetex_exporters::usd::{UsdOptions, write_usd};

@@ -1,4 +1,5 @@
-//! Times writing and reading a synthetic scene of 200,000 splats (or SPLATS) and about 16 million texels: `cargo run --release --example speed -- [EXTENSION] [QUALITY] [SPLATS]`.
+//! Times writing and reading a synthetic scene of 200,000 splats (or SPLATS) and about 16 million texels: `cargo run --release
+//! --example speed -- [EXTENSION] [QUALITY] [SPLATS]`.
 
 use litetex_exporters::{
     AssetMap, Error, Quality, ReadLimits, Result, SplatAsset, WriteOptions, read_asset, write_asset,

@@ -217,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn few_training_views_are_worth_a_warning() {
+    fn few_training_views_bring_a_warning() {
         let few = |count, test_every| warned(&Scene::ring(count), "few-training-views", test_every);
         assert_eq!(few(12, 0), None);
         assert!(few(12, 8).unwrap().starts_with("only 10 training views:"));

@@ -30,7 +30,8 @@ pub struct AssetArgs {
     /// Replace existing files
     #[arg(long)]
     pub force: bool,
-    /// How long to look for a smaller .ltgs file, also inside glTF: above 1, numbers make up for the rounding of others, in two passes over the views for each level [default: 1]
+    /// How long to look for a smaller .ltgs file, also inside glTF: above 1, numbers make up for the rounding of others, in two
+    /// passes over the views for each level [default: 1]
     #[arg(long, conflicts_with = "max_size", value_name = "1-9", value_parser = whole::<u8>(1..=9))]
     pub effort: Option<u8>,
     /// Do not verify the files by rendering them
@@ -42,7 +43,9 @@ pub struct AssetArgs {
     /// Drop splats that contribute less than this many pixels in total over the training views
     #[arg(long, value_name = "PIXELS", value_parser = parse_floor, help_heading = "Scene")]
     pub min_contribution: Option<f32>,
-    /// Direction of the capture that points up in the files: x, -x, y, -y, z, -z or X,Y,Z [default: that of an asset, else -y, as in COLMAP's images]. For .ply files, which do not say what is up, also the program that shows them: three, spark, babylon, playcanvas, splat-transform, or the axis :y, :-y or :z; both as in z:three
+    /// Direction of the capture that points up in the files: x, -x, y, -y, z, -z or X,Y,Z [default: that of an asset, else -y,
+    /// as in COLMAP's images]. For .ply files, which do not say what is up, also the program that shows them: three, spark,
+    /// babylon, playcanvas, splat-transform, or the axis :y, :-y or :z; both as in z:three
     #[arg(long, value_name = "UP", value_parser = parse_up, allow_hyphen_values = true, help_heading = "Scene")]
     pub up: Option<Up>,
     /// Length of one unit of the capture in the files: 0.01 turns centimetres into metres [default: that of an asset, else 1]

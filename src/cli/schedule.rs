@@ -18,7 +18,7 @@ use std::path::PathBuf;
 pub struct ScheduleArgs {
     /// Folder of the capture
     capture: PathBuf,
-    /// Steps of the training; the schedule ends after two thirds of them
+    /// Steps of the training; the schedule ends after two thirds of them (published rules: half)
     #[arg(long, visible_alias = "iterations", value_name = "N", default_value_t = 30_000, value_parser = whole::<u32>(1..=u64::MAX))]
     steps: u32,
     #[command(flatten)]

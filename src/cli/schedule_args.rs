@@ -8,10 +8,10 @@ use litetex_gs::frequency::{FrequencyOptions, ScheduleRules};
 #[derive(clap::Args, Clone, Debug, Default)]
 #[command(next_help_heading = "Schedule")]
 pub struct ScheduleFlags {
-    /// Rules of the schedule; the published ones end it at step 15,000 [default: default]
+    /// Rules of the schedule [default: default]
     #[arg(long, value_name = "NAME")]
     pub rules: Option<RulesArg>,
-    /// Step of a run of 30,000 at which the last stage begins [default: 20000]
+    /// Step of a run of 30,000 at which the last stage begins [default: 20000; published rules: 15000]
     #[arg(long, value_name = "STEP", value_parser = parse_whole::<u32>)]
     pub until: Option<u32>,
     /// Coarsest render scale [default: 4]
@@ -36,12 +36,12 @@ pub enum RulesArg {
 impl ScheduleFlags {
     /// The settings with what was given.
     pub fn options(&self) -> FrequencyOptions {
-        let mut options = FrequencyOptions::of(match self.rules {
+        let rules = match self.rules {
             None | Some(RulesArg::Default) => ScheduleRules::Default,
             Some(RulesArg::Paper) => ScheduleRules::Paper,
             Some(RulesArg::Authors) => ScheduleRules::Authors,
-        });
-        set(&mut options.until, self.until);
+        };
+        let mut options = FrequencyOptions { rules, until: self.until, ..FrequencyOptions::default() };
         set(&mut options.max_scale, self.max_scale);
         set(&mut options.beta, self.beta);
         options

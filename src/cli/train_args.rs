@@ -85,8 +85,8 @@ pub struct TrainingArgs {
     /// Parts of the method to switch off: scheduler, pruning, growth, update-rule, splitting, coarsening
     #[arg(long, value_name = "PART,...", value_delimiter = ',', value_parser = Components::NAMES)]
     pub without: Vec<String>,
-    /// Any setting of config.toml by name, such as sh-degree=2, exposure=affine, budget.max-splats=50000, save-every=5000, save-images=none,
-    /// capture.mask-invert=true or density.quantile=0.8; may be repeated
+    /// Any setting of config.toml by name, such as sh-degree=2, exposure=affine, budget.max-splats=50000, save-every=5000,
+    /// save-images=none, capture.mask-invert=true or density.quantile=0.8; may be repeated
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub settings: Vec<String>,
     /// Largest number of parameters, such as 500k or 5M: a splat has 58 at SH degree 3 and 22 at degree 1, a texture map 2 and 3 per texel
@@ -119,9 +119,6 @@ impl TrainArgs {
             config.profile = profile;
             profile.apply(&mut config.train);
         }
-        for setting in &t.settings {
-            config.set(setting)?;
-        }
         if let Some(need) = t.need {
             config.train.density.need_db = need;
             config.train.density.prune_db = need;
@@ -146,6 +143,9 @@ impl TrainArgs {
             config.data.clone_from(&self.capture);
         }
         self.capture_args.apply(&mut config.capture);
+        for setting in &t.settings {
+            config.set(setting)?;
+        }
         config.follow_background();
         config.check().map_err(Error::Usage)
     }

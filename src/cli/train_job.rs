@@ -115,7 +115,7 @@ impl Resume {
             ["sh-degree", "policy", "seed", "init", "max-points", "sweep", "backdrop", "exposure", "filter"];
         if let Some(name) = self.changed.iter().find(|name| fixed.contains(&name.as_str())) {
             return Err(usage!(
-                "--{name}: a resumed run keeps the value of its checkpoint; start a new run to change it"
+                "{name}: a resumed run keeps the value of its checkpoint; start a new run to change it"
             ));
         }
         if self.state.step > config.train.steps {

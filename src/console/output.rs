@@ -24,7 +24,7 @@ impl Output {
     /// Text that is no report but the result itself, such as a manual page.
     pub fn text(text: impl Display) -> Self {
         let text = text.to_string();
-        Self { json: json!({ "text": text }), text, failure: None }
+        Self { json: json!({ "schema": "litetex-text/1", "text": text }), text, failure: None }
     }
 
     /// The same with what it says about a part appended, under a key.

@@ -39,7 +39,8 @@ impl Bounds {
     }
 }
 
-/// Bounds of a splat of conjugate `half_axes`, on whose ellipse the falloff is that of a standard deviation; `None` where no pixel centre lies within.
+/// Bounds of a splat of conjugate `half_axes`, on whose ellipse the falloff is that of a standard deviation; `None` where no
+/// pixel centre lies within.
 pub(super) fn bounds(
     p: [f32; 3],
     half_axes: [[f32; 3]; 2],

@@ -164,7 +164,8 @@ impl ViewPipeline {
         image
     }
 
-    /// Loss terms l1, dssim and mse, and with an exposure the sums to estimate it; writes the gradient with respect to the image to `buffers`.
+    /// Loss terms l1, dssim and mse, and with an exposure the sums to estimate it; writes the gradient with respect to the
+    /// image to `buffers`.
     pub(super) fn loss(
         &self,
         level: Level,

@@ -84,5 +84,5 @@ pub(super) fn schedule_by(
 
 /// The published settings.
 pub(super) fn paper() -> FrequencyOptions {
-    FrequencyOptions::of(ScheduleRules::Paper)
+    FrequencyOptions { rules: ScheduleRules::Paper, ..FrequencyOptions::default() }
 }

@@ -25,12 +25,15 @@ impl ScheduleRules {
             removes_noise: true,
             scale: ScaleRule::Fractional,
             cap: CapRule::Squared,
+            until: 20_000,
         };
         let paper = RuleSet {
             start: StartRule::Mean,
             removes_noise: false,
             scale: ScaleRule::Integer,
             cap: CapRule::Squared,
+            // The end of densification.
+            until: 15_000,
         };
         match self {
             Self::Default => default,
@@ -52,6 +55,8 @@ pub struct RuleSet {
     pub scale: ScaleRule,
     /// How the texture cap follows from the continuous scale.
     pub cap: CapRule,
+    /// Step of the published timetable at which the last stage begins.
+    pub until: u32,
 }
 
 /// How the render scale follows from the continuous scale s(t) (method 7.4).
@@ -96,27 +101,22 @@ pub struct FrequencyOptions {
     pub beta: f64,
     /// Largest render scale, s_cfg. Default 4 (paper, Frequency-Aware Scheduling).
     pub max_scale: f64,
-    /// Step of the published timetable at which the last stage begins. Default 20,000 (method 7.2; paper: the end of
-    /// densification, 15,000).
-    pub until: u32,
+    /// Step of the published timetable at which the last stage begins. Default: what the rules say (method 7.2).
+    pub until: Option<u32>,
     /// The rules that it follows. Default `default` (method 7).
     pub rules: ScheduleRules,
 }
 
 impl Default for FrequencyOptions {
     fn default() -> Self {
-        Self { beta: 3.0, max_scale: 4.0, until: 20_000, rules: ScheduleRules::Default }
+        Self { beta: 3.0, max_scale: 4.0, until: None, rules: ScheduleRules::Default }
     }
 }
 
 impl FrequencyOptions {
-    /// The settings with these rules; the published ones end with densification.
-    pub fn of(rules: ScheduleRules) -> Self {
-        let default = Self::default();
-        match rules {
-            ScheduleRules::Default => default,
-            ScheduleRules::Paper | ScheduleRules::Authors => Self { rules, until: 15_000, ..default },
-        }
+    /// Step of the published timetable at which the last stage begins.
+    pub fn until(&self) -> u32 {
+        self.until.unwrap_or(self.rules.set().until)
     }
 
     /// Checks that all settings are in range.
@@ -133,8 +133,8 @@ impl FrequencyOptions {
         if !(1.0..=64.0).contains(&self.max_scale) {
             return complain("max-scale", &self.max_scale, "1 to 64");
         }
-        if !(1..=30_000).contains(&self.until) {
-            return complain("until", &self.until, "1 to 30000");
+        if !(1..=30_000).contains(&self.until()) {
+            return complain("until", &self.until(), "1 to 30000");
         }
         Ok(())
     }

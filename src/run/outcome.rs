@@ -11,7 +11,7 @@ use crate::eval::uncovered_share;
 use crate::memory::process_bytes;
 use crate::model::{Model, TextureMap};
 use crate::text::format_count;
-use crate::train::{Schedule, StopReason, TrainConfig, TrainState};
+use crate::train::{Schedule, StopReason, TrainConfig, TrainState, inactive};
 use crate::verify::bake_checkpoint;
 use crate::views::{Split, ViewSource};
 use crate::{Report, Result, Warning};
@@ -87,7 +87,7 @@ impl Recorder<'_> {
             profile: config.profile,
             policy: train.policy,
             components: train.active_components(),
-            inactive: schedule.inactive(train),
+            inactive: inactive(&schedule, train, &config.profile.settings()),
             outlying_views: self.outlying_views(),
             map_sides: map_sides(&state.model),
             stopped_by: reason_name(reason).to_owned(),

@@ -2,7 +2,7 @@
 //! settings one by one.
 
 use crate::backend::LossWeights;
-use crate::frequency::{FrequencyOptions, ScheduleRules};
+use crate::frequency::ScheduleRules;
 use crate::model::Filter;
 use crate::train::density::DensityConfig;
 use crate::train::{Backdrop, Policy, TrainConfig};
@@ -65,6 +65,13 @@ impl Profile {
         }
     }
 
+    /// The settings of a run that changes nothing else.
+    pub fn settings(self) -> TrainConfig {
+        let mut config = TrainConfig::default();
+        self.apply(&mut config);
+        config
+    }
+
     /// Replaces all settings that profiles decide, so that nothing of another profile is left.
     pub fn apply(self, config: &mut TrainConfig) {
         let fresh = TrainConfig::default();
@@ -101,13 +108,13 @@ impl Profile {
             Self::Paper => {
                 config.policy = Policy::Paper;
                 config.density = paper();
-                config.scheduler = FrequencyOptions::of(ScheduleRules::Paper);
+                config.scheduler.rules = ScheduleRules::Paper;
                 config.loss = LossWeights::PUBLISHED;
             }
             Self::Authors => {
                 config.policy = Policy::Authors;
                 config.density = DensityConfig { patience_steps: 0, ..paper() };
-                config.scheduler = FrequencyOptions::of(ScheduleRules::Authors);
+                config.scheduler.rules = ScheduleRules::Authors;
                 config.loss = LossWeights { mse: 0.03, ..LossWeights::PUBLISHED };
             }
             Self::Cat => {
@@ -125,7 +132,7 @@ impl Profile {
             Self::Fast => {
                 // Images stay small for longer: until step 27,000 of the schedule's 30,000. Splats are split and maps refined at
                 // the same steps as always, except for what depends on the image size, such as the finest texel.
-                config.scheduler.until = 27_000;
+                config.scheduler.until = Some(27_000);
             }
         }
     }

@@ -131,7 +131,7 @@ impl Workload {
             test_views: (capture.num_views() - train.len()) as u64,
             cache_limit_bytes: capture.cache_limit_bytes(),
             decoding_bytes: capture.decoding_bytes(threads),
-            is_pruned: config.density.prune_db > 0.0,
+            is_pruned: config.prunes_after_growth(),
             is_scheduled: config.active_components().scheduler,
             steps,
             threads: threads as u64,

@@ -5,7 +5,7 @@
 //! texturing), whose values the paper inherits; the configuration that the authors published with their code;
 //! a section of `docs/method.md` ("method 6.1"), which has the measurement; or "not measured".
 
-use super::density::{Budget, Components, DensityConfig, MapRule, Policy, RuleSpec};
+use super::density::{Budget, Components, DensityConfig, Policy, RuleSpec};
 use crate::backend::LossWeights;
 use crate::constants::sh_coefficients;
 use crate::frequency::FrequencyOptions;
@@ -181,36 +181,9 @@ impl TrainConfig {
         self.policy.spec().rule.spec(&self.budget, self.steps)
     }
 
-    /// Settings of density control that were changed, but cannot act in this run.
-    pub fn unused_settings(&self) -> Vec<&'static str> {
-        let (density, rule, map_rule) = (&self.density, self.rule(), self.policy.spec().map_rule);
-        let has_budget = self.budget.max_params.is_some();
-        let is_adaptive = map_rule == MapRule::Adaptive;
-        let prunes = density.prune_db > 0.0;
-        let unused: [(bool, &[&str]); 9] = [
-            (true, rule.unused),
-            (!(rule.ends_by_need || prunes && has_budget), &["need-db"]),
-            (!is_adaptive, &["grow-by-axis", "coarsen-below"]),
-            (!is_adaptive && rule.splits_any_length, &["quantile"]),
-            (map_rule == MapRule::None, &["texture-start"]),
-            (!prunes || !has_budget, &["overshoot"]),
-            (!prunes || (has_budget && density.need_db == 0.0), &["floor-db"]),
-            (!prunes || has_budget || matches!(map_rule, MapRule::Fixed(_)), &["merge"]),
-            (!self.active_components().pruning, &["prune-contribution", "prune-area", "patience-steps"]),
-        ];
-        let mut names: Vec<&'static str> = unused
-            .into_iter()
-            .filter(|(is_unused, _)| *is_unused)
-            .flat_map(|(_, names)| names)
-            .copied()
-            .collect();
-        names.extend((density.sh_below == 0.0).then_some("sh-raise"));
-        let value = |config: &DensityConfig| serde_json::to_value(config).unwrap_or_default();
-        let (mine, defaults) = (value(density), value(&DensityConfig::default()));
-        names.retain(|&name| mine[name] != defaults[name]);
-        names.sort_unstable();
-        names.dedup();
-        names
+    /// Whether the model is pruned after growth, if there is time.
+    pub fn prunes_after_growth(&self) -> bool {
+        self.density.prune_db > 0.0 && self.components.pruning
     }
 
     /// The parts that are on, less those that the policy excludes.

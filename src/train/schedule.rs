@@ -2,7 +2,7 @@
 //! and 6.1).
 
 use super::config::TrainConfig;
-use super::density::{Budget, Policy};
+use super::density::Budget;
 use crate::backend::LearningRates;
 
 /// Length of the published timetable.
@@ -89,7 +89,7 @@ impl Schedule {
             densify_until: at(until.into()),
             prune_rounds: 0,
             prune_until: at(f64::from(until) + PRUNE_STEPS).max(at(PRUNE_UNTIL)),
-            full_size_from: at(config.scheduler.until.into()),
+            full_size_from: at(config.scheduler.until().into()),
             coarsen_interval: at(1_000.0),
             crop_interval: if density_interval >= 100 && rule.crops_between {
                 density_interval * 2 / 5
@@ -105,7 +105,7 @@ impl Schedule {
     /// With the rounds of pruning for which there is time.
     fn with_rounds(self, config: &TrainConfig, train_views: usize) -> Self {
         // A density-control step follows the time of the last round.
-        if config.density.prune_db == 0.0 || self.prune_until + self.density_interval > self.density_end {
+        if !config.prunes_after_growth() || self.prune_until + self.density_interval > self.density_end {
             return self;
         }
         let probes = train_views.clamp(1, MOST_PROBES) as u32;
@@ -165,46 +165,6 @@ impl Schedule {
     /// Whether the density-control step after `step` tests maps for coarsening.
     pub fn may_coarsen(&self, step: u32) -> bool {
         step <= self.densify_until || step % self.coarsen_interval < self.density_interval
-    }
-
-    /// Parts of the method that are on, and settings that were changed, but cannot act in this run, and why.
-    pub fn inactive(&self, config: &TrainConfig) -> Vec<String> {
-        let parts = config.active_components();
-        let checks_until = |until: u32| {
-            let end = until.min(self.density_end);
-            (end / self.density_interval).saturating_sub((self.density_start - 1) / self.density_interval)
-        };
-        let mut out: Vec<String> = config
-            .unused_settings()
-            .into_iter()
-            .map(|name| {
-                format!(
-                    "density.{name}: it cannot act with the policy {} and the other settings",
-                    config.policy
-                )
-            })
-            .collect();
-        let densifying = checks_until(self.densify_until);
-        if densifying == 0 && (parts.growth || parts.splitting || config.policy == Policy::Plain) {
-            out.push(format!(
-                "growth and splitting: no density-control step (every {} steps) before step {}",
-                self.density_interval, self.densify_until
-            ));
-        }
-        let checks = checks_until(self.density_end);
-        if parts.pruning && checks < u32::from(self.patience) {
-            out.push(format!("pruning: only {checks} checks, fewer than the patience of {}", self.patience));
-        }
-        if config.density.prune_db > 0.0 && self.prune_rounds == 0 {
-            out.push(format!(
-                "pruning after growth: no time for a round between steps {} and {}",
-                self.prune_until, self.density_end
-            ));
-        }
-        if config.sh_degree > 0 && self.sh_degree(config.steps, config.sh_degree) < config.sh_degree {
-            out.push("spherical harmonics: the highest degree is not reached".to_owned());
-        }
-        out
     }
 
     /// Time t of the frequency schedule: steps done as a fraction of those to the last stage, at most 1.
@@ -269,7 +229,7 @@ impl Schedule {
 
 #[cfg(test)]
 mod tests {
-    use super::super::density::DensityConfig;
+    use super::super::density::{DensityConfig, Policy};
     use super::*;
 
     #[test]
@@ -296,51 +256,6 @@ mod tests {
     }
 
     #[test]
-    fn settings_that_cannot_act_are_named() {
-        let changed = DensityConfig {
-            need_db: 0.1,
-            floor_db: 41.0,
-            merge: false,
-            overshoot: Some(3.0),
-            quantile: 0.7,
-            coarsen_below: 0.01,
-            split_texels: [9.0; 2],
-            sh_raise: 0.03,
-            prune_area: 1e-5,
-            ..DensityConfig::default()
-        };
-        let unused = |policy: &str, density: &DensityConfig, max_params, pruning| {
-            let mut config = TrainConfig { policy: policy.parse().unwrap(), ..TrainConfig::default() };
-            (config.density, config.budget.max_params) = (density.clone(), max_params);
-            config.components.pruning = pruning;
-            let inactive = Schedule::new(&config, 43).inactive(&config).into_iter();
-            let name = |what: String| Some(what.strip_prefix("density.")?.split_once(':')?.0.to_owned());
-            inactive.filter_map(name).collect::<Vec<_>>().join(" ")
-        };
-        let budget = Some(1_000_000);
-        let unpruned = DensityConfig { prune_db: 0.0, sh_below: 0.0, ..changed.clone() };
-        for (policy, density, budget, pruning, expected) in [
-            ("litetex", &changed, None, true, "overshoot"),
-            ("litetex", &changed, budget, true, "merge split-texels"),
-            (
-                "litetex",
-                &DensityConfig { need_db: 0.0, ..changed.clone() },
-                budget,
-                true,
-                "floor-db merge split-texels",
-            ),
-            ("litetex", &unpruned, None, false, "floor-db merge overshoot prune-area sh-raise"),
-            ("fixed:4", &changed, None, true, "coarsen-below merge overshoot"),
-            ("none", &changed, budget, true, "coarsen-below merge quantile split-texels"),
-            ("paper", &changed, None, true, "need-db overshoot sh-raise"),
-            ("plain", &changed, budget, true, "coarsen-below merge prune-area quantile split-texels"),
-            ("litetex", &DensityConfig::default(), budget, false, ""),
-        ] {
-            assert_eq!(unused(policy, density, budget, pruning), expected, "{policy} {budget:?}");
-        }
-    }
-
-    #[test]
     fn short_runs_scale_the_published_timetable() {
         let config = TrainConfig::default();
         let published = Schedule::new(&config, 300);
@@ -361,7 +276,6 @@ mod tests {
         let quicker = published.rates(&random, 1).position / published.rates(&config, 1).position;
         assert!((quicker - 4.0).abs() < 1e-5, "{quicker}");
         assert_eq!((short.sh_interval, short.texture_start, short.density_interval), (10, 10, 43));
-        assert_eq!(short.inactive(&shorter), Vec::<String>::new());
         // An epoch of few views does not bring more steps of density control; `plain` keeps its own bound.
         let none = Budget::default();
         let budget = Budget { max_params: Some(1_000_000), ..none };
@@ -381,10 +295,6 @@ mod tests {
         let long = |policy| TrainConfig { steps: 30_000, ..of(policy, none) };
         let cropping = |policy| Schedule::new(&long(policy), 43).crop_interval;
         assert_eq!([Policy::Litetex, Policy::Paper].map(cropping), [0, 100]);
-        let tiny = TrainConfig { steps: 30, ..config.clone() };
-        let inactive = Schedule::new(&tiny, 43).inactive(&tiny);
-        assert!(inactive.len() == 3 && inactive[0].starts_with("growth"), "{inactive:?}");
-        assert!(inactive.iter().any(|what| what.starts_with("pruning after growth")), "{inactive:?}");
         assert!(short.is_density_step(43) && !short.is_density_step(44));
         assert!(!short.is_density_step(301) && short.density_end == 290);
         assert_eq!((published.patience, published.densify_until), (8, 15_000));

@@ -6,7 +6,8 @@ use twox_hash::XxHash3_64;
 
 impl SplatAsset {
     /// xxh3-64 of everything that renders depend on, little-endian: number of splats and filter (u32 each; 0: none, 1: ewa),
-    /// near plane, positions, rotations, scales, opacities; SH degrees (u8); SH up to the degree of each splat; rows, columns (u16), texel sizes and shift (i16) of each map; texels.
+    /// near plane, positions, rotations, scales, opacities; SH degrees (u8); SH up to the degree of each splat; rows, columns
+    /// (u16), texel sizes and shift (i16) of each map; texels.
     pub fn hash(&self) -> u64 {
         Self::hash_of(self, std::slice::from_ref(self))
     }

@@ -129,8 +129,8 @@ impl Format {
 
 impl Format {
     /// Sidecar files that writing `path` may make, known before anything is written: of atlas pages the first, under
-    /// either of its names; in USD the folder of images. For refusing clashes early; [`Staged::publish`](crate::Staged::publish) makes sure that
-    /// nothing is replaced.
+    /// either of its names; in USD the folder of images. For refusing clashes early;
+    /// [`Staged::publish`](crate::Staged::publish) makes sure that nothing is replaced.
     pub fn sidecar_files(self, path: &Path, mesh: bool) -> Vec<PathBuf> {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         let mut names = match self {

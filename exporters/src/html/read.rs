@@ -10,8 +10,8 @@ use std::path::Path;
 /// Reads the scene of a page.
 ///
 /// # Errors
-/// [`crate::Error::Io`], [`crate::Error::TooLarge`], [`crate::Error::Invalid`] for a page that is no exported scene or holds more than one, and
-/// those of [`ltgs::decode`].
+/// [`crate::Error::Io`], [`crate::Error::TooLarge`], [`crate::Error::Invalid`] for a page that is no exported scene or holds
+/// more than one, and those of [`ltgs::decode`].
 pub fn read_html(path: &Path, limits: &ReadLimits) -> Result<Contents> {
     let html = read_file(path, limits.decoded_bytes)?;
     let page_bytes = html.len() as u64;

@@ -8,7 +8,8 @@
 //! | alphas | 1 | opacity times 255 |
 //! | colours | 3 | SH of degree 0, times 0.15 times 255, from 127.5 |
 //! | scales | 3 | (natural logarithm + 10) times 16; the third is thin |
-//! | rotations | 4 | index of the largest of xyzw (2 bits), then sign and 9 bits for each other; versions 1 and 2: 3, x y z of 8 bits with w positive |
+//! | rotations | 4 | index of the largest of xyzw (2 bits), then sign and 9 bits for each other; versions 1 and 2: 3, x y z of
+//! 8 bits with w positive |
 //! | SH | 3 ((degree + 1)^2 - 1) | coefficient times 128, from 128, in steps that the writer chooses ([`ShBits`]) |
 //!
 //! Our metadata are where other programs do not look, so that none warns of them: in version 3 an extra field of the gzip header,

@@ -28,8 +28,8 @@ pub struct SpzSummary {
 /// Encodes a file.
 ///
 /// # Errors
-/// [`crate::Error::Invalid`] if the asset breaks a rule or its centres lie too far out, [`crate::Error::TooLarge`] also for more cameras than
-/// version 3 has room for.
+/// [`crate::Error::Invalid`] if the asset breaks a rule or its centres lie too far out, [`crate::Error::TooLarge`] also for
+/// more cameras than version 3 has room for.
 pub fn encode_spz(asset: &SplatAsset, options: &SpzOptions) -> Result<(Vec<u8>, SpzSummary)> {
     asset.validate()?;
     let baker = Baker::new(asset);

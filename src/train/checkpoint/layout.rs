@@ -2,15 +2,18 @@
 //!
 //! | tensor | type and shape |
 //! |---|---|
-//! | `splats.{positions,quaternions,log_scales,opacity_logits,sh}` | f32 `[n,3] [n,4] [n,2] [n] [c,3]`, c = sum of the splats' (degree + 1)^2 |
+//! | `splats.{positions,quaternions,log_scales,opacity_logits,sh}` | f32 `[n,3] [n,4] [n,2] [n] [c,3]`, c = sum of the splats'
+//! (degree + 1)^2 |
 //! | `splats.sh_degrees` | u16 `[n]`: SH degree of each splat |
 //! | `adam.m.*`, `adam.v.*` | the same five, and `texels` |
 //! | `adam.last_step`, `adam.step`, `adam.rates` | u32 `[n]`, u32 `[1]`, f32 `[9]` |
 //! | `textures.maps.{offset,rows,cols,texel_sizes,shift}` | u32, u16, u16 `[n]`, f32, i16 `[n,2]` |
 //! | `textures.texels` | f32 `[t,3]` |
 //! | `frame.near`, `frame.filter`, `frame.capture_from_local` | f32 `[1]`, u32 `[1]`: 0 none, 1 ewa; f64 `[4]`: scale, translation |
-//! | `state.counters`, `state.epoch_order` | u32 `[5]`: step, epochs, views used, step of the stage, last step with a revision; u32 `[views]` |
-//! | `state.histories`, `state.pace` | u16 `[n,5]`: map ceiling, prune count, checks, band checks, bands settled; f64 `[2]`: initial splats, momentum |
+//! | `state.counters`, `state.epoch_order` | u32 `[5]`: step, epochs, views used, step of the stage, last step with a revision;
+//! u32 `[views]` |
+//! | `state.histories`, `state.pace` | u16 `[n,5]`: map ceiling, prune count, checks, band checks, bands settled; f64 `[2]`:
+//! initial splats, momentum |
 //! | `state.view_losses` | f32 `[views]`: loss of each view when it was last rendered; 0: not at this size |
 //! | `state.growth` | f64 `[4]`: loss and parameters at the end of the window before, 0 if unknown; idle windows; step of the end |
 //! | `exposure.maps`, `exposure.sums` | f32 `[v,3,4]`, f64 `[v,22]`: the sums of the epoch; v = views, or 0 without correction |

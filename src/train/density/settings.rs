@@ -13,7 +13,8 @@ pub struct Components {
     /// Frequency schedule: image size, texture cap and number of splats follow from the photos' spectra. Off:
     /// full size, a cap of 256 texels, and splits of a fifth of the splats a step.
     pub scheduler: bool,
-    /// Pruning of splats that contribute or cover too little for several checks in a row.
+    /// Pruning: of splats that contribute or cover too little for several checks in a row and, after growth, of what the model
+    /// does not miss.
     pub pruning: bool,
     /// Map ceilings that start low and double with error. Off: maps are refined by error alone.
     pub growth: bool,

@@ -2,7 +2,7 @@
 //! split, with a finer map or another SH band, is drawn by the error that it is expected to remove per parameter.
 
 use super::prepare::{Preparation, Prepared};
-use super::{RuleSpec, SPLIT_RATE, SplitShare};
+use super::spec::{RuleSpec, SPLIT_RATE, SplitShare};
 use crate::train::density::draw::draw_order;
 use crate::train::density::ops::band;
 use crate::train::density::ops::map::{self, Moments};

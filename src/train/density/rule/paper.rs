@@ -2,7 +2,7 @@
 //! High-error splats are split if they are long enough, otherwise their maps are refined, in the order of error.
 
 use super::prepare::{Preparation, Prepared};
-use super::{RuleSpec, SplitShare};
+use super::spec::{RuleSpec, SplitShare};
 use crate::train::density::ops::map::{self, Moments};
 use crate::train::density::ops::split::{Profile, split_long};
 use crate::train::density::plan::{Plan, PlannedSplat};

@@ -4,7 +4,7 @@
 //! gradients.
 
 use super::prepare::unchanged;
-use super::{RuleSpec, SPLIT_RATE, SplitShare};
+use super::spec::{RuleSpec, SPLIT_RATE, SplitShare};
 use crate::train::density::draw::draw_order;
 use crate::train::density::geometry::{opacity, pixel_sizes};
 use crate::train::density::ops::band;

@@ -1,4 +1,4 @@
-//! What comes before growth: splats are pruned, their SH bands tested, their maps fitted, and the model brought within its budget.
+//! What comes before growth: pruning splats, testing their SH bands, fitting their maps, and bringing the model within its budget.
 
 use crate::backend::MapChange;
 use crate::train::density::geometry::{half_extents, opacity, pixel_sizes, sigmas};
@@ -11,10 +11,11 @@ use crate::train::density::stats::{ErrorMeasure, Scores, prune_count_after};
 /// Full size over image size from which narrow splats can miss every pixel: such windows can only reset prune counts.
 const UNRELIABLE_SCALE: f64 = 3.0;
 
-/// Sum over the training views of blending weight per pixel below which a splat has no error (paper: what prunes, too).
+/// Sum over the training views of blending weight per pixel below which a splat counts as free of error (paper, which also
+/// prunes such splats).
 const LEAST_CONTRIBUTION: f64 = 5e-6;
 
-/// In what the rules differ before growth.
+/// How the rules differ before growth.
 pub struct Preparation {
     /// What counts as error.
     pub error: ErrorMeasure,

@@ -150,13 +150,13 @@ fn splats_of_unknown_cost_do_not_merge() {
 
 #[test]
 fn a_round_searches_for_neighbours_once_in_nearly_linear_time() {
-    let compared = |num_splats: usize, prices: &[f64]| {
+    let compared = |num_splats: usize, thresholds: &[f64]| {
         let map_sizes = vec![(0, 0)];
         let scene = random_scene(&SceneOptions { num_splats, map_sizes, ..SceneOptions::default() });
         let before = COMPARED.get();
         let costs = vec![Some(SplatCosts::default()); num_splats];
         let parts = Parts::of(&scene.model, &costs, &vec![1e-3; num_splats], LIMITS);
-        prices.iter().for_each(|&price| drop(parts.merged_at(price)));
+        thresholds.iter().for_each(|&threshold| drop(parts.merged_at(threshold)));
         COMPARED.get() - before
     };
     let half = compared(50_000, &[1e-6]);
@@ -164,5 +164,5 @@ fn a_round_searches_for_neighbours_once_in_nearly_linear_time() {
     let factor = compared(100_000, &[1e-6]) as f64 / half as f64;
     // Needed 2.00 to 2.05: the depth of the tree grows by one.
     assert!(factor < 2.3, "{factor}");
-    assert_eq!(compared(50_000, &[1e-6, 1e-5, 1e-4]), half, "once per round, not once per price");
+    assert_eq!(compared(50_000, &[1e-6, 1e-5, 1e-4]), half, "once per round, not once per threshold");
 }
