@@ -399,7 +399,7 @@ fn a_run_is_not_resumed_or_evaluated_on_other_views() {
     let (code, _, stderr) = run(&[&more[..], &["--test-every", "2"]].concat());
     assert!(code == 2 && stderr.contains("training view") && stderr.contains("start a new run"), "{stderr}");
     let (code, _, stderr) = run(&[&more[..], &["--init", "random"]].concat());
-    assert!(code == 2 && stderr.contains("--init"), "{stderr}");
+    assert!(code == 2 && stderr.contains("init: a resumed run keeps"), "{stderr}");
 
     // Another capture: other cameras, other frame.
     ok(&["sample", &other, "--views", "11", "--size", "64x48", "--points", "300", "--no-truth", "-q"]);

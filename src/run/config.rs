@@ -67,6 +67,9 @@ pub enum SaveImages {
     All,
 }
 
+/// Settings that follow from others, and these.
+const DERIVED: [(&str, &str); 2] = [("train.random-start", "init"), ("capture.background", "background")];
+
 impl RunConfig {
     /// Reads a file; what it does not say keeps the default.
     ///
@@ -123,6 +126,9 @@ impl RunConfig {
         let mut path: Vec<&str> = key.trim().split('.').collect();
         if !["train", "capture", "init", "max-points", "save-images"].contains(&path[0]) {
             path.insert(0, "train");
+        }
+        if let Some((_, source)) = DERIVED.iter().find(|(key, _)| *key == path.join(".")) {
+            return Err(wrong(format!("it follows from {source}: set that")));
         }
         let value = value.trim();
         let parsed: toml::Table = toml::from_str(&format!("v = {value}"))
@@ -317,8 +323,16 @@ mod tests {
 
     #[test]
     fn an_invalid_set_flag_is_a_usage_error() {
-        for setting in ["density.quantile=1.2", "rates.texel=-1.0", "steps=many", "stps=3", "a.b=1", "steps"]
-        {
+        for setting in [
+            "density.quantile=1.2",
+            "rates.texel=-1.0",
+            "steps=many",
+            "stps=3",
+            "a.b=1",
+            "steps",
+            "random-start=true",
+            "capture.background=[1, 1, 1]",
+        ] {
             let error = RunConfig::default().set(setting).unwrap_err();
             assert!(error.exit_code() == 2 && error.to_string().contains(setting), "{error}");
         }

@@ -153,6 +153,7 @@ impl Format {
 pub fn unknown_kind(path: &Path, expected: &str) -> Error {
     let found = match path.extension() {
         Some(extension) => format!("{} file", quoted(&format!(".{}", extension.to_string_lossy()))),
+        None if path.is_dir() => "folder".to_owned(),
         None => "file without an extension".to_owned(),
     };
     unsupported!(path, "a {found} cannot be used here; expected {expected}")
