@@ -32,7 +32,7 @@ fn unused(config: &TrainConfig) -> Vec<(String, Vec<String>)> {
     let prunes = config.prunes_after_growth();
     let prunes_by_need = prunes && (!has_budget || density.need_db > 0.0);
     let (adaptive, textured) = (spec.map_rule == MapRule::Adaptive, spec.map_rule != MapRule::None);
-    let conditions: [(bool, &str, &[&str]); 16] = [
+    let conditions: [(bool, &str, &[&str]); 17] = [
         (!(rule.ends_by_need || prunes && has_budget), &of_policy, &["density.need-db"]),
         (!adaptive, &of_policy, &["density.grow-by-axis", "density.coarsen-below"]),
         (!adaptive && rule.splits_any_length, &of_policy, &["density.quantile"]),
@@ -46,6 +46,7 @@ fn unused(config: &TrainConfig) -> Vec<(String, Vec<String>)> {
             "the update rule is off",
             &["rates.texel-growth", "rates.texel-growth-limit"],
         ),
+        (rule.splits_any_length, "splats of any length are split", &["density.split-texels"]),
         (!parts.coarsening, "coarsening is off", &["density.coarsen-below"]),
         (!parts.splitting, "splitting is off", &["density.split-texels"]),
         (

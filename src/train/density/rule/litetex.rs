@@ -71,7 +71,6 @@ pub fn spec(budget: &Budget, fewest: u32) -> RuleSpec {
     match budget.max_params {
         None => without_budget,
         Some(_) => RuleSpec {
-            unused: &["split-texels"],
             interval: 100,
             epoch: [fewest.div_ceil(2), 25],
             split_share: SplitShare::Fixed(SPLIT_RATE),

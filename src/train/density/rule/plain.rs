@@ -25,7 +25,6 @@ pub fn spec(budget: &Budget) -> RuleSpec {
             "quantile",
             "coarsen-below",
             "grow-by-axis",
-            "split-texels",
             "prune-contribution",
             "prune-area",
             "patience-steps",
