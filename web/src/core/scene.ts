@@ -91,7 +91,10 @@ export interface SplatUpdate {
   readonly splats: Splats;
   /** Bytes of the file that were read for it. */
   readonly bytes: number;
-  /** False for splats whose texels or view-dependent colours are still to come, which a later update brings. */
+  /**
+   * False if texels or view-dependent colours of some of these splats are still to come. A later update brings them, from
+   * the first splat that lacked them on: who skips an incomplete update loses splats.
+   */
   readonly complete: boolean;
 }
 

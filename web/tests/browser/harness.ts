@@ -37,7 +37,7 @@ export async function draw(job: Job): Promise<Drawn> {
     await readFrom({ url: job.url }, Infinity, (message) => {
         // Room for the padded maps of a control.
         if (message.kind === 'info') renderer.start({ ...message.info, texels: 2 * message.info.texels + 64 * message.info.splats });
-        if (message.kind === 'update' && message.update.complete) renderer.apply(damaged(message.update, job.control));
+        if (message.kind === 'update') renderer.apply(damaged(message.update, job.control));
         if (message.kind === 'failed') failure = message.message;
     });
     if (failure) throw new Error(failure);
@@ -132,7 +132,7 @@ export async function counts(url: string, view: string): Promise<{ shaded: numbe
         const renderer = new SplatRenderer(canvas, { target: 'rgba32f', defines });
         await readFrom({ url }, Infinity, (message) => {
             if (message.kind === 'info') renderer.start(message.info);
-            if (message.kind === 'update' && message.update.complete) renderer.apply(message.update);
+            if (message.kind === 'update') renderer.apply(message.update);
         });
         const at = viewOf(renderer.info!.cameras.find(({ name }) => name.startsWith(view))!);
         [canvas.width, canvas.height] = [at.widthPx, at.heightPx];
