@@ -7,7 +7,7 @@ use litetex_gs::backend::{Backend, RenderedImage};
 use litetex_gs::capture::Capture;
 use litetex_gs::console::{Log, Output, Table, check_free, path_text};
 use litetex_gs::eval::{Evaluation, ImagePair, psnr};
-use litetex_gs::run::{Quality, Trained, check_empty, write_per_view, write_view};
+use litetex_gs::run::{TestFigures, Trained, check_empty, write_per_view, write_view};
 use litetex_gs::train::{self, Control, Evaluated};
 use litetex_gs::verify::CaptureIdentity;
 use litetex_gs::views::{Split, ViewSource};
@@ -39,7 +39,7 @@ pub struct EvalArgs {
     #[arg(long, value_name = "FILE")]
     worst: Option<PathBuf>,
     /// Replace the file of --worst
-    #[arg(long)]
+    #[arg(long, requires = "worst")]
     force: bool,
     /// Where to compute
     #[arg(long, value_name = "NAME", default_value = "auto", help_heading = "Device")]
@@ -77,7 +77,7 @@ pub fn run(args: &EvalArgs, log: &Log) -> Result<Output> {
         "checkpoint": path_text(&trained.path),
         "step": trained.step,
         "resample": "area",
-        "quality": evaluation.as_ref().map(Quality::from),
+        "quality": evaluation.as_ref().map(TestFigures::from),
     });
     let mut table = Table::default();
     table.row("checkpoint", trained.path.display());

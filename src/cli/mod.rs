@@ -71,7 +71,7 @@ enum Command {
     Eval(eval::EvalArgs),
     Render(render::RenderArgs),
     Sample(sample::SampleArgs),
-    #[command(alias = "convert")]
+    #[command(visible_alias = "convert")]
     Export(Box<export::ExportArgs>),
     Verify(verify::VerifyArgs),
     Validate(validate::ValidateArgs),

@@ -55,6 +55,9 @@ pub fn check(source: Option<&Path>, outputs: &[PathBuf], args: &AssetArgs) -> Re
         let what = "--up with a program's name applies only to .ply files, and no output is one; other formats say what is up";
         return Err(Error::Usage(what.into()));
     }
+    if args.cameras.is_some() && !any(|f| !matches!(f, Format::Ltgs | Format::Html | Format::Ply)) {
+        return Err(usage!("--cameras applies only to glTF, USD and .spz files, and no output is one"));
+    }
     if args.mesh && !any(|f| f.keeps_textures() && !matches!(f, Format::Ltgs | Format::Html)) {
         return Err(usage!("--mesh applies only to glTF and USD files, and no output is one"));
     }
@@ -89,6 +92,7 @@ fn check_folder(path: &Path) -> Result<()> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::asset_args::CamerasName;
     use super::*;
 
     #[test]
@@ -122,6 +126,9 @@ mod tests {
         assert!(fails(None, &["a@b.usda"], &plain).unwrap().contains("must be UTF-8 without"));
         assert!(fails(None, &["z.glb/"], &plain).unwrap().contains("is a folder"));
         assert!(fails(None, &["z.ltgs"], &mesh).unwrap().contains("--mesh"));
+        let cameras = AssetArgs { cameras: Some(CamerasName::All), ..AssetArgs::default() };
+        assert!(fails(None, &["z.ltgs"], &cameras).unwrap().contains("--cameras"));
+        assert_eq!(fails(None, &["z.ltgs", "z.usda"], &cameras), None);
         let version = AssetArgs { spz_version: 4, ..AssetArgs::default() };
         assert!(fails(None, &["z.glb"], &version).unwrap().contains("--spz-version"));
         assert_eq!(fails(None, &["z.glb", "z.spz"], &version), None);

@@ -14,7 +14,7 @@ use litetex_gs::capture::Capture;
 use litetex_gs::console::{Interrupt, Log, Output, device};
 use litetex_gs::memory::machine_bytes;
 use litetex_gs::run::{Recorder, ResourceEstimate, Summary, Workload, fresh_state};
-use litetex_gs::train::{Schedule, StopReason, TrainState, check_limits, inactive, train};
+use litetex_gs::train::{Schedule, StopReason, TrainState, check_limits, train};
 use litetex_gs::views::{Split, ViewSource as _};
 use litetex_gs::{Error, Report, Result};
 use std::path::PathBuf;
@@ -76,7 +76,7 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<FinishedRun> {
     report.merge(photos);
 
     let schedule = Schedule::new(&job.config.train, capture.indices(Split::Train).len());
-    for part in inactive(&schedule, &job.config.train, &job.config.profile.settings()) {
+    for part in job.config.inactive(&schedule) {
         log.info(&format!("without effect in this run: {part}"));
     }
     let live = args.view.map(LiveView::start).transpose()?;

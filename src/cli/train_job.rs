@@ -113,7 +113,8 @@ impl Resume {
     pub fn check(&self, config: &RunConfig, capture: &Capture) -> Result<()> {
         let fixed =
             ["sh-degree", "policy", "seed", "init", "max-points", "sweep", "backdrop", "exposure", "filter"];
-        if let Some(name) = self.changed.iter().find(|name| fixed.contains(&name.as_str())) {
+        let section = |key: &String| key.split('.').next().map(str::to_owned).unwrap_or_default();
+        if let Some(name) = self.changed.iter().find(|key| fixed.contains(&section(key).as_str())) {
             return Err(usage!(
                 "{name}: a resumed run keeps the value of its checkpoint; start a new run to change it"
             ));

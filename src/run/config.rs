@@ -4,7 +4,7 @@
 use super::init_source::InitSource;
 use super::profile::Profile;
 use crate::capture::LoadOptions;
-use crate::train::{Exposure, TrainConfig};
+use crate::train::{Exposure, Schedule, TrainConfig, inactive};
 use crate::{Error, Result, input_file};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -142,8 +142,18 @@ impl RunConfig {
             })?;
         }
         at.insert((*last).to_owned(), parsed["v"].clone());
-        *self = table.try_into().map_err(|e: toml::de::Error| wrong(e.message().to_owned()))?;
+        *self = table.try_into().map_err(|e: toml::de::Error| wrong(in_words(e.message())))?;
         self.check().map_err(wrong)
+    }
+
+    /// Settings that cannot act in this run, with the reason: [`inactive`], and those of the points that splats start at.
+    pub fn inactive(&self, schedule: &Schedule) -> Vec<String> {
+        let unchanged = self.profile.settings();
+        let mut out = inactive(schedule, &self.train, &unchanged);
+        if self.init != InitSource::Auto && self.train.sweep != unchanged.sweep {
+            out.push(format!("sweep: not used with --init {}", self.init));
+        }
+        out
     }
 
     /// The capture's folder.
@@ -154,7 +164,7 @@ impl RunConfig {
         self.data.as_deref().ok_or_else(|| usage!("no capture given: litetex train <CAPTURE> -o <RUN>"))
     }
 
-    /// Names of the settings that differ and shape the result: all but those in `NOT_SHAPING`.
+    /// Keys, as `set` takes them, of the settings that differ and shape the result: all but those in `NOT_SHAPING`.
     ///
     /// # Errors
     /// As [`RunConfig::to_toml`].
@@ -162,20 +172,13 @@ impl RunConfig {
         let [mine, others] = [self.shaping_settings()?, other.shaping_settings()?];
         let names: BTreeSet<&String> = mine.keys().chain(others.keys()).collect();
         let differing = names.into_iter().filter(|name| mine.get(*name) != others.get(*name));
-        Ok(differing.map(|name| name.rsplit('.').next().unwrap_or(name).to_owned()).collect())
+        Ok(differing.map(|name| name.strip_prefix("train.").unwrap_or(name).to_owned()).collect())
     }
 
-    /// Settings by name, those in sections as `section.name`.
+    /// Settings by key, those in sections as `section.key`.
     fn shaping_settings(&self) -> Result<BTreeMap<String, toml::Value>> {
         let mut settings = BTreeMap::new();
-        for (name, value) in self.to_table()? {
-            match value {
-                toml::Value::Table(section) if name == "train" || name == "capture" => {
-                    settings.extend(section.into_iter().map(|(key, value)| (format!("{name}.{key}"), value)));
-                }
-                value => drop(settings.insert(name, value)),
-            }
-        }
+        flatten("", self.to_table()?, &mut settings);
         NOT_SHAPING.iter().for_each(|name| drop(settings.remove(*name)));
         if let Some(name) = self.data.as_deref().and_then(Path::file_name).and_then(|name| name.to_str()) {
             // A capture may have moved.
@@ -246,6 +249,33 @@ impl RunConfig {
     }
 }
 
+/// Adds the values of a table and of the tables in it, by their keys joined with dots.
+fn flatten(prefix: &str, table: toml::Table, out: &mut BTreeMap<String, toml::Value>) {
+    for (key, value) in table {
+        match value {
+            toml::Value::Table(inner) => flatten(&format!("{prefix}{key}."), inner, out),
+            value => drop(out.insert(format!("{prefix}{key}"), value)),
+        }
+    }
+}
+
+/// A message of the TOML reader without Rust's names of types.
+fn in_words(message: &str) -> String {
+    let types = [
+        ("f64", "a number"),
+        ("f32", "a number"),
+        ("u64", "a whole number"),
+        ("u32", "a whole number"),
+        ("u16", "a whole number"),
+        ("u8", "a whole number"),
+        ("usize", "a whole number"),
+        ("a boolean", "true or false"),
+    ];
+    types.iter().fold(message.to_owned(), |text, (name, words)| {
+        text.replace(&format!("expected {name}"), &format!("expected {words}"))
+    })
+}
+
 /// Checks that each number of a section is finite and not negative.
 fn check_not_negative(section: &str, settings: &impl Serialize) -> Result<(), String> {
     let table = toml::Table::try_from(settings).map_err(|e| format!("train.{section}: {e}"))?;
@@ -311,8 +341,7 @@ mod tests {
         let others = ["eval-every=7", "save-every=7", "max-time-secs=7.0", "capture.image-cache-bytes=7"];
         assert_eq!(differences(&others), [""; 0]);
         for setting in ["seed=7", "policy=plain", "sh-degree=1", "rates.texel=1.0", "capture.test-every=7"] {
-            let section = setting.split(['=', '.']).find(|part| *part != "capture").unwrap();
-            assert_eq!(differences(&[setting]), [section]);
+            assert_eq!(differences(&[setting]), [setting.split('=').next().unwrap()]);
         }
         assert_eq!(differences(&["max-points=7", "init=random:7"]), ["init", "max-points"]);
         let moved = RunConfig { data: Some("/b/fox".into()), ..before.clone() };
@@ -335,6 +364,14 @@ mod tests {
         ] {
             let error = RunConfig::default().set(setting).unwrap_err();
             assert!(error.exit_code() == 2 && error.to_string().contains(setting), "{error}");
+        }
+        for (setting, expected) in [
+            ("density.quantile=x", "expected a number"),
+            ("steps=1.5", "expected a whole number"),
+            ("sweep=3", "expected true or false"),
+        ] {
+            let error = RunConfig::default().set(setting).unwrap_err().to_string();
+            assert!(error.ends_with(expected), "{error}");
         }
     }
 

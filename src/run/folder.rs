@@ -271,7 +271,9 @@ pub fn find_checkpoint(path: &Path) -> Result<PathBuf> {
         return Err(Error::io(path, std::io::ErrorKind::NotFound.into()));
     }
     checkpoints(path)?.pop().map(|(_, file)| file).ok_or_else(|| {
-        Error::invalid(path, "no checkpoint: expected checkpoints/step-*.safetensors in the folder of a run")
+        let what = "no checkpoint: expected checkpoints/step-*.safetensors in the folder of a run; a capture is to be \
+                    trained first: litetex train";
+        Error::invalid(path, what)
     })
 }
 

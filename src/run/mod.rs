@@ -29,7 +29,7 @@ pub use profile::Profile;
 pub use recorder::Recorder;
 pub use resource_estimate::{ResourceEstimate, Resources, Workload};
 pub use summary::{
-    CaptureFigures, DiskBytes, EndOfGrowth, Fps, GrowthFigures, Quality, Resumed, Size, Summary, Times,
+    CaptureFigures, DiskBytes, EndOfGrowth, Fps, GrowthFigures, Resumed, Size, Summary, TestFigures, Times,
 };
 pub use trained::{Trained, config_of, render_options};
 pub use view_files::{image_name, write_per_view, write_view};

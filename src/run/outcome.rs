@@ -2,7 +2,7 @@
 
 use super::recorder::{Recorder, UNCOVERED_MIN_STEPS, reason_name};
 use super::summary::{
-    CaptureFigures, DiskBytes, Fps, GrowthFigures, Quality, Resumed, SCHEMA, Size, Summary, Times,
+    CaptureFigures, DiskBytes, Fps, GrowthFigures, Resumed, SCHEMA, Size, Summary, TestFigures, Times,
 };
 use super::trained::render_options;
 use crate::backend::{Backend, RenderOptions};
@@ -11,7 +11,7 @@ use crate::eval::uncovered_share;
 use crate::memory::process_bytes;
 use crate::model::{Model, TextureMap};
 use crate::text::format_count;
-use crate::train::{Schedule, StopReason, TrainConfig, TrainState, inactive};
+use crate::train::{Schedule, StopReason, TrainConfig, TrainState};
 use crate::verify::bake_checkpoint;
 use crate::views::{Split, ViewSource};
 use crate::{Report, Result, Warning};
@@ -87,11 +87,11 @@ impl Recorder<'_> {
             profile: config.profile,
             policy: train.policy,
             components: train.active_components(),
-            inactive: inactive(&schedule, train, &config.profile.settings()),
+            inactive: config.inactive(&schedule),
             outlying_views: self.outlying_views(),
             map_sides: map_sides(&state.model),
             stopped_by: reason_name(reason).to_owned(),
-            quality: self.evaluation.as_ref().map(Quality::from),
+            quality: self.evaluation.as_ref().map(TestFigures::from),
             size: Size {
                 splats: state.model.num_splats(),
                 texels: state.model.num_texels(),

@@ -56,7 +56,7 @@ pub struct Summary {
     /// `steps`, `time` or `interrupted`.
     pub stopped_by: String,
     /// Figures of the last evaluation; null without test views.
-    pub quality: Option<Quality>,
+    pub quality: Option<TestFigures>,
     /// Size of the model.
     pub size: Size,
     /// The end of growth.
@@ -125,9 +125,9 @@ pub struct CaptureFigures {
     pub points: usize,
 }
 
-/// Quality figures, means over the test views.
+/// Means over the test views.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Quality {
+pub struct TestFigures {
     /// Those of this program.
     #[serde(flatten)]
     pub evaluation: Evaluation,
@@ -137,7 +137,7 @@ pub struct Quality {
     pub lpips_reason: String,
 }
 
-impl From<&Evaluation> for Quality {
+impl From<&Evaluation> for TestFigures {
     fn from(evaluation: &Evaluation) -> Self {
         Self { evaluation: evaluation.clone(), lpips: None, lpips_reason: LPIPS_REASON.to_owned() }
     }

@@ -240,8 +240,9 @@ fn check_reading(path: &Path, limits: &ReadLimits, issues: &mut Vec<Issue>) {
                 issues.push(Issue::new("LT9003", Severity::Warning, "", what));
             }
         }
-        // About a sidecar file, which the format's own issues name.
+        // What the format's own issues have named: a sidecar file, or this.
         Err(Error::Io { .. }) if issues.iter().any(|i| i.severity == Severity::Error) => {}
+        Err(error) if issues.iter().any(|i| i.message.contains(&error.text())) => {}
         Err(error) => issues.push(Issue::new("LT9001", Severity::Error, "", &error.text())),
     }
 }

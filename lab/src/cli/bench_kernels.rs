@@ -120,11 +120,11 @@ mod with_gpu {
         let start = Instant::now();
         let deadline_after = |secs: f64| Deadline::new(Some(start + Duration::from_secs_f64(secs)));
         let deadline = args.max_time.map_or(Deadline::new(None), deadline_after);
-        let mut backend = device::open_gpu_backend(&args.device)?;
         let scene = match &args.capture {
             Some(_) => of_capture(args, log)?,
             None => at_random(args.max_resolution, args.splats),
         };
+        let mut backend = device::open_gpu_backend(&args.device)?;
         log.info(&format!("{} views of {}, {} steps", scene.views.len(), scene.name, args.steps));
         let config = TrainConfig::default();
         // Rates of the middle of a run, when everything moves.

@@ -245,6 +245,8 @@ fn without_hashes_a_mixed_asset_would_be_read() {
     write_asset(&path, &with_title("older"), &options(false)).unwrap();
     killed_after(1, stage_asset(&path, &with_title("new"), &options(false)).unwrap());
     assert!(read_asset(&path, &ReadLimits::default()).is_err());
+    let issues = crate::validate_file(&path).unwrap();
+    assert_eq!(issues.iter().filter(|i| i.severity == crate::Severity::Error).count(), 1, "{issues:?}");
     let mut json: serde_json::Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
     let extension = "/meshes/0/primitives/0/extensions/KHR_gaussian_splatting/extensions";
     let extension = &mut json.pointer_mut(extension).unwrap()[crate::gltf::EXTENSION];
