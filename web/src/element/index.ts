@@ -8,7 +8,7 @@
  * | `camera-controls` | mouse, touch and keys move the camera |
  * | `controls-mode` | `orbit` (default) or `fly` |
  * | `disable-zoom` | wheel and pinch are left to the page |
- * | `auto-rotate` | turns around the scene until someone takes hold of it; not for those who prefer reduced motion |
+ * | `auto-rotate` | turns around the scene until someone takes hold of it, and once more when set again; not for those who prefer reduced motion |
  * | `rotation-per-second` | degrees; default 12 |
  * | `view` | name of the camera to begin at; default: the home view |
  * | `background` | `#rrggbb`, `transparent`, or `scene` (default): that of the file |
@@ -115,6 +115,7 @@ export class LitetexViewerElement extends Base {
         if (name === 'auto-rotate') this.isHeld = false;
         if (name === 'src' && before !== now) this.load(now ? { url: now } : null);
         if (name === 'max-splats' && before !== now && this.source) this.load(this.source);
+        if (name === 'loading') this.isWanted ||= this.isConnected && now !== 'lazy';
         if (name === 'colours' || name === 'background') this.isCurrent = false;
         if (this.viewer) this.update();
         settle();
@@ -167,7 +168,7 @@ export class LitetexViewerElement extends Base {
         this.load(stored({ bytes }));
     }
 
-    /** How much it wants a context: to show what it never showed in sight most, to move what is still next, to load out of sight least. */
+    /** How much it wants a context: most to show what is visible and was never shown, less to move what is still, least to load what is out of sight. */
     private wish(): number {
         if (!this.source || this.hasFailed || !this.isWanted) return 0;
         const isDue = !this.hasImage || !this.isCurrent || this.hasMoved;
@@ -226,7 +227,7 @@ export class LitetexViewerElement extends Base {
         this.open();
     }
 
-    /** The browser has taken it, and gives it back when it likes. */
+    /** The browser has taken it away, and restores it when it likes. */
     private lost(): void {
         this.hasImage = false;
         this.failure.textContent = 'The graphics driver has stopped.';

@@ -175,7 +175,7 @@ class Page {
         if (!this.viewer.info) byId('welcome').hidden = this.session !== null;
     }
 
-    /** The browser has taken the context. When it gives it back, the scene is made anew. */
+    /** The browser has taken the context away. Once it is restored, the scene is made anew. */
     private stopped(): void {
         say('driver', 'The graphics driver has stopped. The scene comes back with it.', { error: true, lasting: true, action: { label: 'Reload', run: () => location.reload() } });
     }

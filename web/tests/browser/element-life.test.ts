@@ -101,7 +101,7 @@ describe.skipIf(!browserPath())('<litetex-viewer>', () => {
             expect([i, farthest(await shown(i), expected)]).toEqual([i, expect.toSatisfy((d: number) => d <= 3)]);
         }
         expect(await contexts()).toBeLessThanOrEqual(MOST);
-        // Back in sight, it is moved as before.
+        // Visible again, it is moved as before.
         await browser.page.mouse.move(50, 50);
         const place = await browser.page.evaluate(() => document.querySelectorAll('litetex-viewer')[10].getBoundingClientRect().y);
         await browser.page.mouse.move(100, place + 70);

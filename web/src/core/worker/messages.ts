@@ -5,8 +5,8 @@ import { SceneError, type SceneInfo, type SplatUpdate } from '../scene';
 export type Source = { readonly url: string } | { readonly bytes: ArrayBuffer | Uint8Array } | KeptFile;
 
 /**
- * Bytes of a file that can be read again, as after the loss of a WebGL context. As they are stored, not decoded: a tenth of what
- * is made of a `.ltgs` file (measured: fox, 165 kB of 1.5 MB). Browsers may keep a Blob on disk.
+ * Bytes of a file that can be read again, as after the loss of a WebGL context. As stored, not decoded: of a `.ltgs` file
+ * that is a ninth of the memory (measured: fox, 161 kB for 1.4 MB of splats). Browsers may even keep a Blob on disk.
  */
 export interface KeptFile {
     readonly file: Blob;
