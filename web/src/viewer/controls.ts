@@ -25,8 +25,11 @@ export class Controls {
     private readonly pressed = new Set<string>();
     private readonly stop = new AbortController();
 
-    /** `pose` gives the one to move; `moved` is called after every change. */
-    constructor(private readonly surface: HTMLElement, private readonly pose: () => Pose | null, private readonly moved: () => void) {
+    /**
+     * `pose` gives the one to move; `moved` is called after every change. Keys are taken from `keys`, which may be the window or
+     * an element around the surface: letters wherever the focus is, but in a field; arrows, which others need, of the surface only.
+     */
+    constructor(private readonly surface: HTMLElement, private readonly pose: () => Pose | null, private readonly moved: () => void, keys: EventTarget) {
         const signal = this.stop.signal;
         surface.style.touchAction = 'none';
         surface.addEventListener('pointerdown', (event) => this.down(event), { signal });
@@ -36,9 +39,10 @@ export class Controls {
         }
         surface.addEventListener('wheel', (event) => this.wheel(event), { signal, passive: false });
         surface.addEventListener('contextmenu', (event) => event.preventDefault(), { signal });
-        surface.addEventListener('keydown', (event) => this.key(event, true), { signal });
-        surface.addEventListener('keyup', (event) => this.key(event, false), { signal });
-        surface.addEventListener('blur', () => this.pressed.clear(), { signal });
+        keys.addEventListener('keydown', (event) => this.press(event as KeyboardEvent), { signal });
+        keys.addEventListener('keyup', (event) => this.release(event as KeyboardEvent), { signal });
+        // Keys are released elsewhere then.
+        keys.addEventListener(keys === window ? 'blur' : 'focusout', () => this.pressed.clear(), { signal });
     }
 
     dispose(): void {
@@ -109,12 +113,27 @@ export class Controls {
         this.moved();
     }
 
-    private key(event: KeyboardEvent, down: boolean): void {
-        if (!(event.code in MOVES || event.code in TURNS) || event.ctrlKey || event.metaKey || event.altKey) return;
-        if (!this.enabled) return;
+    private press(event: KeyboardEvent): void {
+        const { code } = event;
+        if (!this.enabled || event.defaultPrevented || event.ctrlKey || event.metaKey || event.altKey) return;
+        const target = event.composedPath()[0] as Element;
+        const isOurs = target === this.surface || target === document.body;
+        if (!(isOurs && code in TURNS) && !(code in MOVES && (isOurs || !needsLetters(target)))) return;
         event.preventDefault();
-        if (down) this.pressed.add(event.code);
-        else this.pressed.delete(event.code);
+        this.pressed.add(code);
         this.moved();
     }
+
+    private release({ code }: KeyboardEvent): void {
+        if (this.pressed.delete(code)) this.moved();
+    }
+}
+
+/** Inputs that letters do nothing in. */
+const WITHOUT_LETTERS = ['button', 'checkbox', 'color', 'file', 'image', 'radio', 'range', 'reset', 'submit'];
+
+/** Whether someone types there, or is to answer a dialog first. */
+function needsLetters(element: Element): boolean {
+    if (element instanceof HTMLInputElement) return !WITHOUT_LETTERS.includes(element.type);
+    return Boolean((element as HTMLElement).isContentEditable || element.closest?.('textarea, select, dialog[open]'));
 }
