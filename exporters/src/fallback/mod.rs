@@ -2,6 +2,7 @@
 //! textured rectangles, cameras.
 
 pub mod baked;
+pub mod broken;
 pub mod check;
 pub mod depth_order;
 pub mod ellipsoid;

@@ -147,7 +147,9 @@ pub fn read_asset(path: &Path, limits: &ReadLimits) -> Result<Contents> {
     match format {
         Format::Ply => {
             let read = ply::read_ply(path, limits)?;
-            let thick = read.num_thick;
+            let thick = (read.num_thick > 0).then(|| {
+                format!("{} splats are thick: drawn as discs, they lose their thinnest axis", read.num_thick)
+            });
             Ok(Contents {
                 asset: read.asset,
                 format: if read.is_surfel { "PLY of 2DGS" } else { "PLY of 3DGS" }.to_owned(),
@@ -155,12 +157,7 @@ pub fn read_asset(path: &Path, limits: &ReadLimits) -> Result<Contents> {
                 hash: None,
                 sections: read.sections,
                 layers: Vec::new(),
-                warnings: (thick > 0)
-                    .then(|| {
-                        format!("{thick} splats are thick: drawn as discs, they lose their thinnest axis")
-                    })
-                    .into_iter()
-                    .collect(),
+                warnings: read.left_out.into_iter().chain(thick).collect(),
             })
         }
         Format::Spz => spz::read_spz(path, limits),

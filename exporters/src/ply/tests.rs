@@ -401,3 +401,59 @@ fn header_parsing_takes_linear_time() {
     // A tenth of a second; a look at every element in every line took minutes.
     assert!(start.elapsed().as_secs_f64() < 5.0, "{:?}", start.elapsed());
 }
+
+/// A text file of another program with `count` sound splats, in which some rows are replaced.
+fn of_others(count: usize, rows: &[(usize, &str)]) -> crate::Result<PlyContents> {
+    let names = "x y z f_dc_0 f_dc_1 f_dc_2 f_rest_0 f_rest_1 f_rest_2 f_rest_3 f_rest_4 f_rest_5 f_rest_6 f_rest_7 f_rest_8 \
+                 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
+    let properties: String =
+        names.split_whitespace().map(|name| format!("property float {name}\n")).collect();
+    let mut text = format!("ply\nformat ascii 1.0\nelement vertex {count}\n{properties}end_header\n");
+    for i in 0..count {
+        let sound = format!("{i} 0 0 1 2 3 0 0 0 0 0 0 0 0 0 2 -3 -3.5 -9 1 0 0 0");
+        text += rows.iter().find(|(row, _)| *row == i).map_or(&sound, |(_, row)| row);
+        text += "\n";
+    }
+    decode(text.as_bytes())
+}
+
+#[test]
+fn broken_splats_of_other_programs_are_left_out_and_named() {
+    let rest = "0 0 0 0 0 0 0 0 0";
+    let broken = [
+        (format!("nan 0 0 1 2 3 {rest} 2 -3 -3.5 -9 1 0 0 0"), "position"),
+        (format!("0 1e39 0 1 2 3 {rest} 2 -3 -3.5 -9 1 0 0 0"), "position"),
+        (format!("0 -1.#INF 0 1 2 3 {rest} 2 -3 -3.5 -9 1 0 0 0"), "position"),
+        (format!("0 0 0 -nan(ind) 2 3 {rest} 2 -3 -3.5 -9 1 0 0 0"), "harmonics"),
+        ("0 0 0 1 2 3 0 0 0 0 inf 0 0 0 0 2 -3 -3.5 -9 1 0 0 0".to_owned(), "harmonics"),
+        (format!("0 0 0 1 2 3 {rest} NaN -3 -3.5 -9 1 0 0 0"), "opacity"),
+        (format!("0 0 0 1 2 3 {rest} 2 inf -3.5 -9 1 0 0 0"), "scales"),
+        (format!("0 0 0 1 2 3 {rest} 2 -3 nan -9 1 0 0 0"), "scales"),
+        (format!("0 0 0 1 2 3 {rest} 2 -3 -3.5 1.#QNAN 1 0 0 0"), "scales"),
+        (format!("0 0 0 1 2 3 {rest} 2 -3 -3.5 -9 0 0 0 0"), "rotation"),
+        (format!("0 0 0 1 2 3 {rest} 2 -3 -3.5 -9 nan 0 0 0"), "rotation"),
+    ];
+    for (row, word) in &broken {
+        let read = of_others(20, &[(7, row)]).unwrap();
+        let warning = read.left_out.unwrap();
+        assert!(warning.starts_with("1 of 20 splats is broken and left out: splat 7: "), "{warning}");
+        assert!(warning.contains(word), "{row}: {warning}");
+        assert_eq!((read.asset.num_splats(), read.asset.positions[7][0]), (19, 8.0), "{row}");
+    }
+    // Opacities and thicknesses may be infinite: sure, and flat.
+    let extreme = of_others(20, &[(7, "7 0 0 1 2 3 0 0 0 0 0 0 0 0 0 inf -3 -3.5 -inf 1 0 0 0")]).unwrap();
+    assert_eq!((extreme.asset.num_splats(), extreme.left_out), (20, None));
+    let many: Vec<(usize, &str)> = (0..3).map(|i| (i, broken[i].0.as_str())).collect();
+    let error = of_others(20, &many).unwrap_err().to_string();
+    assert!(
+        error.contains("3 of 20 splats are broken, more than 10 %") && error.contains("splat 0: position")
+    );
+    assert_eq!(of_others(30, &many).unwrap().asset.num_splats(), 27);
+    // What is no number at all is no splat.
+    assert!(of_others(20, &[(7, "x")]).unwrap_err().to_string().contains("splat 7: 0 numbers, expected 23"));
+    // Our own files have none.
+    let (mut ours, _) = encode_ply(&fixture(20, 0), &PlyOptions::default()).unwrap();
+    let end = ours.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
+    ours[end..end + 4].copy_from_slice(&f32::NAN.to_le_bytes());
+    assert!(decode(&ours).unwrap_err().to_string().contains("splat 0: position"));
+}
