@@ -9,3 +9,4 @@ pub mod ellipsoid;
 pub mod plain;
 pub mod quads;
 pub mod shown_cameras;
+pub mod spacing;

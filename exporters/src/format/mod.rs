@@ -101,12 +101,12 @@ fn encode(format: Format, path: &Path, asset: &SplatAsset, options: &WriteOption
             };
             let (bytes, summary) = ply::encode_ply(asset, &ply_options).map_err(|e| e.at(path))?;
             encoded.root = bytes;
-            encoded.notes.extend(far_out(summary.position_error_texels));
+            encoded.notes.extend(summary.spacing.note("f32"));
         }
         Format::Spz => {
             let (bytes, summary) = spz::encode_spz(asset, &options.spz).map_err(|e| e.at(path))?;
             encoded.root = bytes;
-            encoded.notes.extend(far_out(summary.position_error_texels));
+            encoded.notes.extend(summary.spacing.note("24 bits"));
             if summary.clamped_scales > 0 {
                 encoded.notes.push(format!(
                     "{} splats are smaller or larger than SPZ can store (4.5e-5 to 380 units); see --scale",
@@ -128,11 +128,6 @@ fn add_mesh(encoded: &mut Encoded, file: &Path, asset: &SplatAsset) -> Result<()
         ));
     }
     Ok(())
-}
-
-/// A note if rounding moves splats by more than a tenth of a texel.
-fn far_out(texels: f64) -> Option<String> {
-    (texels > 0.1).then(|| format!("positions are rounded by up to {texels:.2} texels: the capture lies far from its origin, or is large"))
 }
 
 /// Reads an asset in the format that the extension names.

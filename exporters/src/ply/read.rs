@@ -3,19 +3,21 @@
 
 use super::escape::unescaped;
 use super::header::Element;
+use super::local_origin::local_origin;
 use super::rows::Rows;
 use super::{COMMENT_OURS, PlyUp};
 use crate::fallback::broken::BrokenSplats;
 use crate::fallback::ellipsoid::{is_thick, thinnest_last};
 use crate::files::limits::{room_for_splats, splat_bytes};
 use crate::files::read::read_file;
-use crate::{AssetMap, ReadLimits, Result, Section, SplatAsset, num_sh_coefficients};
+use crate::{AssetMap, ReadLimits, Result, Section, SplatAsset, Transform, num_sh_coefficients};
 use std::path::Path;
 
 /// The contents of a PLY file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlyContents {
-    /// Activated splats without maps; the local frame is that of the file.
+    /// Activated splats without maps. The local frame is that of the file, moved to the splats if coordinates of f64 are
+    /// finer than f32 can hold.
     pub asset: SplatAsset,
     /// Whether the file has no third scale, as those of 2DGS.
     pub is_surfel: bool,
@@ -95,9 +97,14 @@ pub fn decode_ply(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<PlyC
         left_out: None,
     };
     take_provenance(&mut contents);
+    let origin = local_origin(&rows, &columns)?;
+    if origin != [0.0; 3] {
+        let asset = &mut contents.asset;
+        asset.capture_from_local = asset.capture_from_local.after(&Transform::scaled_and_moved(1.0, origin));
+    }
     let mut broken = BrokenSplats::default();
     rows.for_each(&mut |values| {
-        push_splat(&mut contents, &columns, values, &mut broken);
+        push_splat(&mut contents, &columns, (values, origin), &mut broken);
         Ok(())
     })?;
     if is_ours(&contents.comments) {
@@ -109,8 +116,13 @@ pub fn decode_ply(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<PlyC
     Ok(contents)
 }
 
-/// Activates a row.
-fn push_splat(contents: &mut PlyContents, columns: &Columns, values: &[f64], broken: &mut BrokenSplats) {
+/// Activates a row; `origin` is that of the local frame.
+fn push_splat(
+    contents: &mut PlyContents,
+    columns: &Columns,
+    (values, origin): (&[f64], [f64; 3]),
+    broken: &mut BrokenSplats,
+) {
     let asset = &mut contents.asset;
     let splat = asset.num_splats();
     let stored = columns.rotation.map(|c| values[c]);
@@ -128,7 +140,7 @@ fn push_splat(contents: &mut PlyContents, columns: &Columns, values: &[f64], bro
         (quaternion, scales) = thinnest_last(quaternion, scales);
         thick = is_thick(scales);
     }
-    asset.positions.push(columns.position.map(|c| values[c] as f32));
+    asset.positions.push(std::array::from_fn(|i| (values[columns.position[i]] - origin[i]) as f32));
     asset.rotations.push(quaternion.map(|v| v as f32));
     asset.scales.push([scales[0] as f32, scales[1] as f32]);
     let opacity = (1.0 / (1.0 + (-values[columns.opacity]).exp())) as f32;

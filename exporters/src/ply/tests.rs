@@ -148,14 +148,31 @@ fn extremes_stay_finite() {
 
 #[test]
 fn a_capture_far_from_its_origin_is_reported() {
-    let mut asset = fixture(6, 0);
-    let error = |asset: &SplatAsset| {
-        let (_, summary) = encode_ply(asset, &PlyOptions::default()).unwrap();
-        summary.position_error_texels
-    };
-    assert!(error(&asset) < 0.001); // 6e-6
+    let mut asset = fixture(60, 0);
+    let spacing = |asset: &SplatAsset| encode_ply(asset, &PlyOptions::default()).unwrap().1.spacing;
+    assert_eq!(spacing(&asset).note("f32"), None, "{:?}", spacing(&asset)); // 5e-6
     asset.capture_from_local.translation = [500_000.0, 5_000_000.0, 100.0];
-    assert!(error(&asset) > 0.1); // 2.2
+    let note = spacing(&asset).note("f32").unwrap();
+    assert!(note.starts_with("f32 cannot hold") && note.contains("--origin auto"), "{note}");
+    // Moved to the scene, the file says where it lies, and the reader undoes it to the last digit.
+    asset.set_origin(asset.middle_in_capture());
+    assert_eq!(spacing(&asset).note("f32"), None);
+    for up in PlyUp::ALL {
+        let (bytes, _) = encode_ply(&asset, &PlyOptions { up, ..PlyOptions::default() }).unwrap();
+        let read = decode(&bytes).unwrap();
+        let comment = read.comments.iter().find_map(|c| c.strip_prefix("origin: ")).unwrap();
+        let [x, y, z] = asset.origin_in_capture().unwrap();
+        assert_eq!(comment, format!("{x} {y} {z}"));
+        for i in 0..60 {
+            let [a, b] = [&asset, &read.asset].map(|s| s.capture_from_local.transform_point(s.positions[i]));
+            assert!((0..3).all(|c| (a[c] - b[c]).abs() < 1e-6), "{a:?} {b:?}"); // needed 4e-7: f32 near 5
+        }
+    }
+    // A scene that is itself too large for its splats is helped otherwise.
+    asset.positions[0] = [1e8; 3];
+    asset.scales.fill([1e-7; 2]);
+    let note = spacing(&asset).note("f32").unwrap();
+    assert!(note.contains("--crop") && !note.contains("--origin"), "{note}");
 }
 
 #[test]
@@ -456,4 +473,43 @@ fn broken_splats_of_other_programs_are_left_out_and_named() {
     let end = ours.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
     ours[end..end + 4].copy_from_slice(&f32::NAN.to_le_bytes());
     assert!(decode(&ours).unwrap_err().to_string().contains("splat 0: position"));
+}
+
+#[test]
+fn coordinates_of_f64_far_from_the_origin_keep_their_digits() {
+    let file = |kind: &str, encoding: &str, data: &[u8]| {
+        let names = "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 rot_0 rot_1 rot_2 rot_3";
+        let properties: String = names.split(' ').map(|name| format!("property {kind} {name}\n")).collect();
+        let header = format!("ply\nformat {encoding} 1.0\nelement vertex 20\n{properties}end_header\n");
+        decode(&[header.as_bytes(), data].concat()).unwrap().asset
+    };
+    let rows = |x: f64| {
+        (0..20).map(move |i| [x + 0.125 * f64::from(i), 4.5e6, 9.5, 0., 0., 0., 2., -3., -3., 1., 0., 0., 0.])
+    };
+    let text =
+        |x: f64| -> String { rows(x).map(|row| row.map(|v| v.to_string()).join(" ") + "\n").collect() };
+    let raw: Vec<u8> = rows(5e5).flatten().flat_map(f64::to_le_bytes).collect();
+    for asset in [file("double", "binary_little_endian", &raw), file("float", "ascii", text(5e5).as_bytes())]
+    {
+        for (i, expected) in rows(5e5).enumerate() {
+            assert_eq!(
+                asset.capture_from_local.transform_point(asset.positions[i]),
+                [expected[0], expected[1], expected[2]]
+            );
+        }
+    }
+    // Near the origin, and in f32, the local frame is the file's.
+    let near: Vec<u8> = rows(5.0)
+        .map(|mut row| {
+            row[1] = 4.5;
+            row
+        })
+        .flatten()
+        .flat_map(f64::to_le_bytes)
+        .collect();
+    assert!(file("double", "binary_little_endian", &near).capture_from_local.is_identity());
+    let single: Vec<u8> = rows(5e5).flatten().flat_map(|v| (v as f32).to_le_bytes()).collect();
+    let single = file("float", "binary_little_endian", &single);
+    assert!(single.capture_from_local.is_identity());
+    assert_ne!(f64::from(single.positions[1][0]), 5e5 + 0.125 * 3.0, "negative control");
 }

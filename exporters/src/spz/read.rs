@@ -116,7 +116,10 @@ fn splats(
         let dc = row(2).iter().map(|&c| super::write::dc_from_code(c) as f32);
         let rest = row(5).iter().map(|&c| (f32::from(c) - 128.0) / 128.0);
         let sh: Vec<f32> = dc.chain(rest).collect();
-        let sh = turn.as_ref().map_or_else(|| sh.clone(), |turn| turn.sh(&sh));
+        let sh = match &turn {
+            Some(turn) => turn.sh(&sh),
+            None => sh,
+        };
         asset.sh.extend(yup::sh(&sh));
         asset.sh_degrees.push(header.sh_degree as u8);
         asset.maps.push(AssetMap::default());
