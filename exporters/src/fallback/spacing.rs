@@ -3,8 +3,11 @@
 
 use super::baked::Baked;
 
-/// Spacing of coordinates, in standard deviations of the median splat, above which a file deserves a warning. To be measured.
-pub(crate) const COARSE: f64 = 0.05;
+/// Spacing of coordinates, in standard deviations of the median splat, above which a file deserves a warning. Measured on five
+/// trained scenes, moved away from the origin step by step: PLY falls below 60 dB, its limit, at 0.02 to 0.07, and loses 0.02 dB
+/// on photos at 0.1 to 0.2; SPZ loses 1 dB of its 52 to 57 at 0.02 to 0.03. Where they were trained, the scenes have 1e-5 (f32)
+/// and 2e-5 to 1.4e-4 (24 bits).
+pub(crate) const COARSE: f64 = 0.02;
 
 /// How finely the numbers of a file resolve its splats.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
