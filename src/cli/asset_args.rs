@@ -1,5 +1,6 @@
 //! Arguments of all commands that write assets.
 
+use super::origin::{Origin, parse_origin};
 use litetex_exporters::ply::PlyUp;
 use litetex_exporters::spz::{SpzOptions, SpzVersion};
 use litetex_exporters::{Cameras, Format, Quality};
@@ -51,6 +52,10 @@ pub struct AssetArgs {
     /// Length of one unit of the capture in the files: 0.01 turns centimetres into metres [default: that of an asset, else 1]
     #[arg(long, value_name = "FACTOR", value_parser = parse_factor, help_heading = "Scene")]
     pub scale: Option<f64>,
+    /// Point of the capture that lies at the origin of the files, for coordinates that .ply and .spz files cannot hold, as
+    /// in georeferenced captures: auto (a round one in the middle of the scene) or X,Y,Z [default: that of an asset, else 0,0,0]
+    #[arg(long, value_name = "POINT", value_parser = parse_origin, allow_hyphen_values = true, help_heading = "Scene")]
+    pub origin: Option<Origin>,
     /// Title of the work [default: name of the capture]
     #[arg(long, value_name = "TEXT", help_heading = "Provenance")]
     pub title: Option<String>,
@@ -156,7 +161,8 @@ impl AssetArgs {
     }
 }
 
-fn numbers(text: &str) -> Option<[f64; 3]> {
+/// Three finite numbers, separated by commas.
+pub fn numbers(text: &str) -> Option<[f64; 3]> {
     let values: Option<Vec<f64>> =
         text.split(',').map(|v| v.trim().parse().ok().filter(|v: &f64| v.is_finite())).collect();
     values?.try_into().ok()

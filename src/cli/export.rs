@@ -171,6 +171,9 @@ fn edit(scene: &mut BakedScene, args: &AssetArgs, go_on: GoOn<'_>, log: &Log) ->
     if let Some(factor) = args.scale {
         asset.set_scale(factor);
     }
+    if let Some(origin) = args.origin {
+        log.info(&origin.apply(asset));
+    }
     let facts = &mut asset.provenance;
     for (field, given) in [
         (&mut facts.title, &args.title),
