@@ -6,11 +6,14 @@ mod colmap;
 mod colmap_bin;
 mod colmap_model;
 mod colmap_txt;
+mod json;
+mod numbers;
 pub(crate) mod ply;
 mod reality_capture;
 mod transforms;
 
 use super::pose_format::PoseFormat;
+pub(crate) use colmap::find_elsewhere as find_colmap_elsewhere;
 
 /// All pose formats. Where a capture has poses in several, the first one wins.
 pub(crate) static FORMATS: &[PoseFormat] = &[colmap::FORMAT, transforms::FORMAT, reality_capture::FORMAT];
