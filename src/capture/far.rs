@@ -29,7 +29,7 @@ pub(crate) fn leave_out(source: &mut Source, report: &mut Report) {
         let names = first_names(far.iter().map(|v| v.name.as_str()));
         let what = format!(
             "{} of {total} cameras are more than {FAR} median distances from the median and are left out: {names}; \
-             capture.keep-far keeps them",
+             --set capture.keep-far=true keeps them",
             far.len()
         );
         report.warn("far-cameras", far.len(), what);
@@ -41,7 +41,7 @@ pub(crate) fn leave_out(source: &mut Source, report: &mut Report) {
         let count = total - source.points.len();
         let what = format!(
             "{count} of {total} points are more than {FAR} median distances from the median and are left out; \
-             capture.keep-far keeps them"
+             --set capture.keep-far=true keeps them"
         );
         report.warn("far-points", count, what);
     }

@@ -118,7 +118,8 @@ pub(crate) fn nearest_rotation(matrix: DMat3) -> Result<DMat3, String> {
 pub(crate) fn checked_pose(rotation: DMat3, translation: DVec3) -> Result<RigidTransform, String> {
     if !translation.is_finite() || translation.abs().max_element() > MAX_COORDINATE {
         return Err(format!(
-            "its translation is {translation:?}, expected finite numbers up to {MAX_COORDINATE:e}"
+            "its translation is {:?}, expected finite numbers up to {MAX_COORDINATE:e}",
+            translation.to_array()
         ));
     }
     Ok(RigidTransform {

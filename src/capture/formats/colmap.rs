@@ -243,13 +243,14 @@ fn lenses(
     let used: HashSet<u32> = sparse.images.iter().map(|i| i.camera_id).collect();
     let (mut lenses, mut unused) = (HashMap::new(), LeftOut::default());
     for camera in &sparse.cameras {
+        let name = format!("camera {} ({})", camera.id, camera.model.name);
         let lens = lens(camera);
         if let Err(problem) = &lens
             && !used.contains(&camera.id)
         {
-            unused.push(format!("camera {} ({})", camera.id, camera.model.name), problem);
+            unused.push(name.clone(), problem);
         }
-        if lenses.insert(camera.id, lens).is_some() {
+        if lenses.insert(camera.id, lens.map_err(|problem| format!("{name}: {problem}"))).is_some() {
             return Err(invalid!(folder, "camera {} occurs twice", camera.id));
         }
     }
@@ -335,7 +336,7 @@ fn view(
     }
     let lens = match lenses.get(&image.camera_id) {
         Some(Ok(lens)) => *lens,
-        Some(Err(problem)) => return Err(format!("its camera {}: {problem}", image.camera_id)),
+        Some(Err(problem)) => return Err(problem.clone()),
         None => {
             let known: Vec<String> = lenses.keys().map(u32::to_string).collect();
             return Err(format!(

@@ -223,7 +223,7 @@ fn lens(row: &Row<'_>, (width_px, height_px): (u32, u32)) -> Result<Lens, String
             cx_px: 0.5 * f64::from(width_px) + row.or_zero("px")? * longer_px,
             cy_px: 0.5 * f64::from(height_px) + row.or_zero("py")? * longer_px,
         },
-        distortion: if any { Distortion::Brown { k, p } } else { Distortion::None },
+        distortion: if any { Distortion::Brown { k, p, shear: 0.0 } } else { Distortion::None },
     };
     lens.problem().map_or(Ok(lens), Err)
 }

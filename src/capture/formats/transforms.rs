@@ -302,7 +302,7 @@ impl Intrinsics {
         // Of these names only FULL_OPENCV stands for OpenCV's model with eight coefficients; k4 without the two that belong
         // to it there comes from converters of programs that know Brown's model only.
         if self.camera_model.as_deref() != Some("FULL_OPENCV") && k[3] != 0.0 && k[4..] == [0.0; 2] {
-            return Ok(Distortion::Brown { k: [k[0], k[1], k[2], k[3]], p });
+            return Ok(Distortion::Brown { k: [k[0], k[1], k[2], k[3]], p, shear: 0.0 });
         }
         let any = k.iter().chain(&p).any(|&v| v != 0.0);
         Ok(if any { Distortion::Radial { k, p } } else { Distortion::None })
@@ -320,7 +320,7 @@ mod tests {
 
     #[test]
     fn k4_is_browns_unless_the_denominator_is_whole_or_the_model_says_so() {
-        let brown = Distortion::Brown { k: [0.1, 0.0, 0.0, 0.2], p: [0.0; 2] };
+        let brown = Distortion::Brown { k: [0.1, 0.0, 0.0, 0.2], p: [0.0; 2], shear: 0.0 };
         for model in
             ["", r#""camera_model": "OPENCV", "#, r#""camera_model": "OPENCV", "k5": 0, "k6": 0.0, "#]
         {
