@@ -37,6 +37,8 @@ pub(crate) struct Source {
     pub points_file: Option<PathBuf>,
     /// Mean reprojection error of the points in pixels, where the format states it.
     pub reprojection_error_px: Option<f64>,
+    /// The direction that the format states as up, in the frame of the capture.
+    pub up_in_capture: Option<DVec3>,
     /// Names of views that were left out because their photo is missing.
     pub without_photo: Vec<String>,
     pub report: Report,
@@ -51,6 +53,7 @@ impl Source {
             points: Vec::new(),
             points_file: None,
             reprojection_error_px: None,
+            up_in_capture: None,
             without_photo: Vec::new(),
             report: Report::default(),
         }

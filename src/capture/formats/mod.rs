@@ -1,16 +1,35 @@
 //! Readers of pose and point files, one format a file. They check every number and count before they
 //! use it; everything beyond the files is decided elsewhere.
 
+mod axes;
 pub(crate) mod bytes;
 mod colmap;
 mod colmap_bin;
 mod colmap_model;
 mod colmap_txt;
+mod left_out;
+mod lookup;
+mod metashape;
+mod metashape_lens;
 pub(crate) mod ply;
+mod polycam;
 mod reality_capture;
+mod reality_xmp;
+mod record3d;
+mod scannetpp;
 mod transforms;
+mod xml;
 
 use super::pose_format::PoseFormat;
 
 /// All pose formats. Where a capture has poses in several, the first one wins.
-pub(crate) static FORMATS: &[PoseFormat] = &[colmap::FORMAT, transforms::FORMAT, reality_capture::FORMAT];
+pub(crate) static FORMATS: &[PoseFormat] = &[
+    colmap::FORMAT,
+    transforms::FORMAT,
+    reality_capture::FORMAT,
+    metashape::FORMAT,
+    reality_xmp::FORMAT,
+    polycam::FORMAT,
+    record3d::FORMAT,
+    scannetpp::FORMAT,
+];

@@ -1,0 +1,86 @@
+//! The iPhone of ScanNet++: `iphone/pose_intrinsic_imu.json` beside the photos that its toolbox extracts,
+//! `iphone/rgb/frame_000000.jpg`. (Its DSLR photos have a `transforms.json`.)
+//!
+//! As the toolbox of the data set reads it (`iphone/arkit_pcl.py` of scannetpp/scannetpp): `aligned_pose` is
+//! `capture_from_camera`, 4 x 4 by rows, in metres, of a camera with x to the right, y down and z forward; `intrinsic` is
+//! 3 x 3 by rows, in pixels of the photos. `pose`, before alignment with the scan, is not used. No direction is stated as
+//! up.
+
+use super::axes::{from_opencv, from_rows};
+use super::left_out::LeftOut;
+use crate::camera::Pinhole;
+use crate::capture::folder::CaptureFolder;
+use crate::capture::lens::{Distortion, Lens};
+use crate::capture::photos::photo_size;
+use crate::capture::pose_format::{Found, PoseFormat};
+use crate::capture::source::{Source, SourceView};
+use crate::{Report, Result, input_file};
+use glam::DVec3;
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// See [`PoseFormat`].
+pub(crate) const FORMAT: PoseFormat = PoseFormat {
+    name: "scannetpp-iphone",
+    help: "iPhone photos of ScanNet++",
+    files: "ScanNet++'s pose_intrinsic_imu.json with its folder rgb",
+    has_observations: false,
+    find,
+};
+
+const FILE: &str = "pose_intrinsic_imu.json";
+
+/// The largest scenes, with the measurements of motion, take less.
+const FILE_BYTES_MAX: u64 = 512 << 20;
+
+#[derive(Deserialize)]
+struct Frame {
+    aligned_pose: Option<[[f64; 4]; 4]>,
+    intrinsic: [[f64; 3]; 3],
+}
+
+fn find(path: &Path, _: &mut Report) -> Option<Found> {
+    let root = [path.join("iphone"), path.to_owned()].into_iter().find(|root| root.join(FILE).is_file())?;
+    let file = root.join(FILE);
+    Some(Found { root, read: Box::new(move |folder| read(&file, folder)) })
+}
+
+fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
+    let frames: BTreeMap<String, Frame> = serde_json::from_str(&input_file::read_text(path, FILE_BYTES_MAX)?)
+        .map_err(|e| invalid!(path, "{e}; expected the poses of ScanNet++'s iPhone"))?;
+    let photos = folder.images.clone().unwrap_or_else(|| folder.photos("rgb"));
+    let mut source = Source::at(path);
+    let mut left_out = LeftOut::default();
+    for (name, frame) in frames {
+        let Some(pose) = frame.aligned_pose else {
+            left_out.unposed(name);
+            continue;
+        };
+        let Some(photo) = photos.find(&name)? else {
+            source.without_photo.push(name);
+            continue;
+        };
+        let row = |i: usize| [pose[i][0], pose[i][1], pose[i][2]];
+        let axes = from_rows([row(0), row(1), row(2)]);
+        let camera_from_capture = from_opencv(axes, DVec3::new(pose[0][3], pose[1][3], pose[2][3]));
+        let (width_px, height_px) = photo_size(&photo)?;
+        let [[fx_px, _, cx_px], [_, fy_px, cy_px], _] = frame.intrinsic;
+        let pinhole = Pinhole { width_px, height_px, fx_px, fy_px, cx_px, cy_px };
+        let lens = Lens { pinhole, distortion: Distortion::None };
+        match (camera_from_capture, lens.problem()) {
+            (Ok(camera_from_capture), None) => source.views.push(SourceView {
+                name: photo.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+                photo: Some(photo),
+                mask: None,
+                lens,
+                camera_from_capture,
+                split: None,
+                observed: Vec::new(),
+            }),
+            (Err(what), _) | (_, Some(what)) => left_out.broken(name, what),
+        }
+    }
+    left_out.report(path, source.views.len() + source.without_photo.len(), &mut source.report)?;
+    Ok(source)
+}
