@@ -33,12 +33,12 @@ pub(crate) struct Source {
     pub path: PathBuf,
     pub views: Vec<SourceView>,
     pub points: Vec<SfmPoint>,
+    /// Up as the format defines it, a unit vector, where it does.
+    pub stated_up: Option<DVec3>,
     /// The file of the points, where the poses name one.
     pub points_file: Option<PathBuf>,
     /// Mean reprojection error of the points in pixels, where the format states it.
     pub reprojection_error_px: Option<f64>,
-    /// The direction that the format states as up, in the frame of the capture.
-    pub up_in_capture: Option<DVec3>,
     /// Names of views that were left out because their photo is missing.
     pub without_photo: Vec<String>,
     pub report: Report,
@@ -51,9 +51,9 @@ impl Source {
             path: path.to_owned(),
             views: Vec::new(),
             points: Vec::new(),
+            stated_up: None,
             points_file: None,
             reprojection_error_px: None,
-            up_in_capture: None,
             without_photo: Vec::new(),
             report: Report::default(),
         }

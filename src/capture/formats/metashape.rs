@@ -221,7 +221,7 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
         source.report.warn("cameras-in-other-components", num_apart, what);
     }
     left_out.report(path, source.views.len() + source.without_photo.len(), &mut source.report)?;
-    source.up_in_capture = chunk.up(&source.views);
+    source.stated_up = chunk.up(&source.views);
     Ok(source)
 }
 

@@ -86,7 +86,7 @@ fn an_export_of_a_survey_flight_puts_the_camera_where_its_photo_was_taken() {
     assert!((axes * DVec3::Z).dot(up) < -0.999);
     let north = (DVec3::Z - up * up.z).normalize();
     assert!((axes * DVec3::Y).dot(north) > 0.99);
-    assert!(source.up_in_capture.unwrap().dot(up) > 1.0 - 1e-8);
+    assert!(source.stated_up.unwrap().dot(up) > 1.0 - 1e-8);
 }
 
 #[test]
@@ -161,11 +161,11 @@ fn cameras_without_pose_or_in_other_components_are_counted() {
     let apart = source(&small(&two("", ""), CALIBRATION, &cameras), &photos).unwrap();
     assert_eq!(apart.views.iter().map(|v| v.name.as_str()).collect::<Vec<_>>(), ["1.png", "2.png"]);
     assert_eq!(warnings(&apart), ["cameras-in-other-components", "cameras-without-pose", "cameras-disabled"]);
-    assert_eq!(apart.up_in_capture, None, "the axes of a chunk are arbitrary");
+    assert_eq!(apart.stated_up, None, "the axes of a chunk are arbitrary");
     // Both placed in the capture: nothing is left out of it, z is up, scale and translation count.
     let placed = "<transform><rotation>0 -1 0 1 0 0 0 0 1</rotation><translation>5 0 0</translation><scale>2</scale></transform>";
     let together = source(&small(&two(placed, placed), CALIBRATION, &cameras), &photos).unwrap();
-    assert_eq!((together.views.len(), together.up_in_capture), (3, Some(DVec3::Z)));
+    assert_eq!((together.views.len(), together.stated_up), (3, Some(DVec3::Z)));
     let centre = together.views[1].camera_from_capture.origin_of_a_in_b();
     assert!(centre.distance(DVec3::new(5.0, 2.0, 0.0)) < 1e-12, "{centre}");
     // One placed: the larger part of both.

@@ -58,7 +58,7 @@ fn is_sidecar(path: &Path) -> bool {
 fn read(folder: &CaptureFolder) -> Result<Source> {
     let photos = photo_folder(folder, &["images"]);
     let mut source = Source::at(&folder.root);
-    source.up_in_capture = Some(DVec3::Z);
+    source.stated_up = Some(DVec3::Z);
     let mut left_out = LeftOut::default();
     let beside = files(photos.path(), "xmp", DEPTH);
     let (base, sidecars): (&Path, Vec<PathBuf>) = match beside.iter().any(|p| is_sidecar(p)) {

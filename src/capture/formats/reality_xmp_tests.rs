@@ -68,7 +68,7 @@ fn published_sidecars_are_of_level_cameras_that_look_at_their_scene() {
     assert!(centre.distance(DVec3::new(3.92101192706972, 3.06162084997137, 1.34968371224218)) < 1e-12);
     let forward = portrait.camera_from_capture.rotation.transpose() * DVec3::Z;
     assert!(forward.truncate().normalize().dot(-centre.truncate().normalize()) > 0.99, "at the scene");
-    assert_eq!(source.up_in_capture, Some(DVec3::Z));
+    assert_eq!(source.stated_up, Some(DVec3::Z));
 }
 
 #[test]

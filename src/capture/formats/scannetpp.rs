@@ -1,13 +1,16 @@
-//! The iPhone of ScanNet++: `iphone/pose_intrinsic_imu.json` beside the photos that its toolbox extracts,
-//! `iphone/rgb/frame_000000.jpg`. (Its DSLR photos have a `transforms.json`.)
+//! Scenes of ScanNet++. The DSLR has a `transforms.json` in `dslr/nerfstudio`, whose photos lie in `dslr/resized_images`
+//! and whose masks in `dslr/resized_anon_masks` (as nerfstudio's reader of the data set looks for them). It is read as any
+//! other.
 //!
-//! As the toolbox of the data set reads it (`iphone/arkit_pcl.py` of scannetpp/scannetpp): `aligned_pose` is
+//! The iPhone has `iphone/pose_intrinsic_imu.json` beside the photos that the toolbox of the data set extracts,
+//! `iphone/rgb/frame_000000.jpg`. As the toolbox of the data set reads it (`iphone/arkit_pcl.py` of scannetpp/scannetpp): `aligned_pose` is
 //! `capture_from_camera`, 4 x 4 by rows, in metres, of a camera with x to the right, y down and z forward; `intrinsic` is
 //! 3 x 3 by rows, in pixels of the photos. `pose`, before alignment with the scan, is not used. No direction is stated as
 //! up.
 
 use super::axes::{from_opencv, from_rows};
 use super::left_out::LeftOut;
+use super::transforms;
 use crate::camera::Pinhole;
 use crate::capture::folder::CaptureFolder;
 use crate::capture::lens::{Distortion, Lens};
@@ -22,14 +25,20 @@ use std::path::Path;
 
 /// See [`PoseFormat`].
 pub(crate) const FORMAT: PoseFormat = PoseFormat {
-    name: "scannetpp-iphone",
-    help: "iPhone photos of ScanNet++",
-    files: "ScanNet++'s pose_intrinsic_imu.json with its folder rgb",
+    name: "scannetpp",
+    help: "scenes of ScanNet++, of the DSLR or the iPhone",
+    files: "ScanNet++'s folders dslr or iphone",
     has_observations: false,
     find,
 };
 
 const FILE: &str = "pose_intrinsic_imu.json";
+
+/// Of the DSLR: poses, the folder of their photos and that of their masks.
+const DSLR: [(&str, &str, &str); 2] = [
+    ("nerfstudio/transforms.json", "resized_images", "resized_anon_masks"),
+    ("nerfstudio/transforms_undistorted.json", "undistorted_images", "undistorted_anon_masks"),
+];
 
 /// The largest scenes, with the measurements of motion, take less.
 const FILE_BYTES_MAX: u64 = 512 << 20;
@@ -40,10 +49,26 @@ struct Frame {
     intrinsic: [[f64; 3]; 3],
 }
 
-fn find(path: &Path, _: &mut Report) -> Option<Found> {
+fn find(path: &Path, report: &mut Report) -> Option<Found> {
+    if let Some(found) = [path.join("dslr"), path.to_owned()].iter().find_map(|dslr| find_dslr(dslr, report))
+    {
+        return Some(found);
+    }
     let root = [path.join("iphone"), path.to_owned()].into_iter().find(|root| root.join(FILE).is_file())?;
     let file = root.join(FILE);
     Some(Found { root, read: Box::new(move |folder| read(&file, folder)) })
+}
+
+fn find_dslr(dslr: &Path, report: &mut Report) -> Option<Found> {
+    let (poses, photos, masks) = DSLR.iter().find(|(_, photos, _)| dslr.join(photos).is_dir())?;
+    let file = dslr.join(poses);
+    let found = file.is_file().then(|| (transforms::FORMAT.find)(&file, report)).flatten()?;
+    let read = move |folder: &CaptureFolder| {
+        let images = folder.images.clone().unwrap_or_else(|| folder.photos(photos));
+        // Their paths are relative to these folders.
+        (found.read)(&folder.inside(masks, images))
+    };
+    Some(Found { root: dslr.to_owned(), read: Box::new(read) })
 }
 
 fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
