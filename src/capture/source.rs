@@ -58,10 +58,30 @@ impl Source {
             report: Report::default(),
         }
     }
+
+    /// Leaves out points, also of what the views observe.
+    pub fn retain_points(&mut self, keep: impl Fn(&SfmPoint) -> bool) {
+        let mut kept = 0;
+        let new_index: Vec<Option<u32>> = self
+            .points
+            .iter()
+            .map(|point| {
+                keep(point).then(|| {
+                    kept += 1;
+                    kept - 1
+                })
+            })
+            .collect();
+        self.points.retain(keep);
+        for view in &mut self.views {
+            view.observed =
+                view.observed.iter().filter_map(|&i| new_index.get(i as usize).copied().flatten()).collect();
+        }
+    }
 }
 
 /// Larger coordinates are taken for damage: even the moon's distance in millimetres is less.
-const MAX_COORDINATE: f64 = 1e12;
+pub(crate) const MAX_COORDINATE: f64 = 1e12;
 
 /// The rotation nearest to a matrix that is a rotation up to rounding and uniform scale.
 ///
@@ -120,7 +140,8 @@ pub(crate) fn first_paths<'a>(paths: impl IntoIterator<Item = &'a PathBuf>) -> S
     first_of(paths.into_iter().map(|path| format!("{:?}", text::path(path))))
 }
 
-fn first_of(shown: impl Iterator<Item = String>) -> String {
+/// As [`first_names`], of texts that are shown as they are.
+pub(crate) fn first_of(shown: impl Iterator<Item = String>) -> String {
     const SHOWN: usize = 5;
     let all: Vec<String> = shown.collect();
     let mut text = all[..all.len().min(SHOWN)].join(", ");

@@ -3,12 +3,16 @@
 
 use crate::Result;
 use crate::capture::folder::{CaptureFolder, PhotoFolder};
+use std::collections::HashSet;
 use std::fs::File;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 /// Levels of folders in which pose files are looked for.
 const DEPTH_MAX: usize = 3;
+
+/// Names at the end of a path on another computer that may lead to a photo here.
+const ENDS_MAX: usize = 8;
 
 /// The files with an extension, in either case, in a folder and `depth` levels of folders in it; sorted.
 pub(crate) fn files(folder: &Path, extension: &str, depth: usize) -> Vec<PathBuf> {
@@ -52,15 +56,30 @@ pub(crate) fn find(photos: &PhotoFolder, label: &str) -> Result<Option<(String, 
     // Paths on another computer, with a drive or a root, are none of this one.
     let mut rest = path.split_once(":/").map_or(path.as_str(), |(_, inside)| inside);
     rest = rest.trim_start_matches(['/', '.']);
+    if let Some((before, _)) = rest.rmatch_indices('/').nth(ENDS_MAX - 1) {
+        rest = &rest[before + 1..];
+    }
     loop {
         if let Some(photo) = (!rest.is_empty()).then(|| photos.find(rest)).transpose()?.flatten() {
-            return Ok(Some((rest.to_owned(), photo)));
+            return Ok(Some((name_in(photos, &photo), photo)));
         }
         match rest.split_once('/') {
             Some((_, inner)) => rest = inner,
             None => return Ok(None),
         }
     }
+}
+
+/// The names of the files in a folder without their extension, for forms that may name thousands of photos that are not
+/// there.
+pub(crate) fn stems(photos: &PhotoFolder) -> HashSet<String> {
+    let entries = std::fs::read_dir(photos.path()).into_iter().flatten().flatten();
+    entries.filter_map(|e| Some(e.path().file_stem()?.to_string_lossy().into_owned())).collect()
+}
+
+/// The name of a photo relative to its folder, with forward slashes.
+pub(crate) fn name_in(photos: &PhotoFolder, photo: &Path) -> String {
+    photo.strip_prefix(photos.path()).unwrap_or(photo).to_string_lossy().replace('\\', "/")
 }
 
 #[cfg(test)]
@@ -79,13 +98,13 @@ mod tests {
             ["day/a.1", "day/a.1.jpg", "/home/user/day/a.1.JPG", "C:\\photos\\day\\a.1.jpg", "../day/a.1"]
         {
             assert!(
-                found(&["photos", "images"], label).is_some_and(|(name, _)| name.starts_with("day/a.1")),
+                found(&["photos", "images"], label).is_some_and(|(name, _)| name == "day/a.1.jpg"),
                 "{label}"
             );
         }
         assert!(found(&["images"], "b.png").is_none() && found(&[], "b").is_some(), "the folder counts");
         assert!(found(&["images"], "").is_none() && found(&["images"], "/").is_none());
         let archive = CaptureFolder::new(folder.path(), None, true).unwrap();
-        assert!(find(&archive.photos("images"), "../../etc/day/a.1.jpg").is_err(), "archives stay closed");
+        assert!(find(&archive.photos("images"), "x/../../../etc/hosts").is_err(), "archives stay closed");
     }
 }

@@ -8,12 +8,13 @@
 //! chunk's axes are arbitrary. Lenses are in `metashape_lens.rs`.
 
 use super::axes::{from_opencv, from_rows};
-use super::left_out::LeftOut;
 use super::lookup::{begins_with_all, files, find as find_photo, photo_folder};
 use super::metashape_lens::lens;
+use super::unused::Unused;
 use super::xml::{self, child, numbers, text_of};
 use crate::camera::RigidTransform;
 use crate::capture::folder::CaptureFolder;
+use crate::capture::left_out::LeftOut;
 use crate::capture::lens::Lens;
 use crate::capture::pose_format::{Found, PoseFormat};
 use crate::capture::source::{Source, SourceView};
@@ -21,7 +22,7 @@ use crate::text::quoted;
 use crate::{Report, Result};
 use glam::{DMat3, DVec3};
 use roxmltree::Node;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// See [`PoseFormat`].
@@ -166,21 +167,21 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
     let chunk = Chunk::of(largest_chunk(path, document.root_element(), &mut source.report)?)
         .map_err(|e| invalid!(path, "{e}; export the cameras again"))?;
     let photos = photo_folder(folder, &["images"]);
-    let mut left_out = LeftOut::default();
+    let (mut left_out, mut unused) = (LeftOut::default(), Unused::default());
     let mut lenses = BTreeMap::<&str, Result<Lens, String>>::new();
-    let aligned = chunk.aligned();
+    let aligned: BTreeSet<usize> = chunk.aligned().iter().map(|c| c.id().get_usize()).collect();
     let mut num_apart = 0;
     for &camera in &chunk.cameras {
         let label = camera.attribute("label").unwrap_or_default();
         if child(camera, "transform").is_none() {
-            left_out.unposed(label);
+            unused.unposed.push(label.to_owned());
             continue;
         }
         if matches!(camera.attribute("enabled"), Some("false" | "0")) {
-            left_out.disabled(label);
+            unused.disabled.push(label.to_owned());
             continue;
         }
-        if !aligned.contains(&camera) {
+        if !aligned.contains(&camera.id().get_usize()) {
             num_apart += 1;
             continue;
         }
@@ -196,7 +197,7 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
         let (camera_from_capture, lens) = match usable {
             Ok(usable) => usable,
             Err(what) => {
-                left_out.broken(label, what);
+                left_out.push(format!("camera {}", quoted(label)), what);
                 continue;
             }
         };
@@ -220,7 +221,9 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
         );
         source.report.warn("cameras-in-other-components", num_apart, what);
     }
-    left_out.report(path, source.views.len() + source.without_photo.len(), &mut source.report)?;
+    let total = source.views.len() + source.without_photo.len() + left_out.count();
+    left_out.finish(path, "views", total, &mut source.report)?;
+    unused.report(&mut source.report);
     source.stated_up = chunk.up(&source.views);
     Ok(source)
 }

@@ -7,10 +7,11 @@ mod colmap;
 mod colmap_bin;
 mod colmap_model;
 mod colmap_txt;
-mod left_out;
+mod json;
 mod lookup;
 mod metashape;
 mod metashape_lens;
+mod numbers;
 pub(crate) mod ply;
 mod polycam;
 mod reality_capture;
@@ -18,9 +19,11 @@ mod reality_xmp;
 mod record3d;
 mod scannetpp;
 mod transforms;
+mod unused;
 mod xml;
 
 use super::pose_format::PoseFormat;
+pub(crate) use colmap::find_elsewhere as find_colmap_elsewhere;
 
 /// All pose formats. Where a capture has poses in several, the first one wins.
 pub(crate) static FORMATS: &[PoseFormat] = &[

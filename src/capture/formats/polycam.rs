@@ -6,14 +6,15 @@
 //! leave out width and height of corrected cameras.
 
 use super::axes::{from_opengl, from_rows};
-use super::left_out::LeftOut;
 use super::lookup::{begins_with_all, files};
 use crate::camera::Pinhole;
 use crate::capture::folder::CaptureFolder;
+use crate::capture::left_out::LeftOut;
 use crate::capture::lens::{Distortion, Lens};
 use crate::capture::photos::photo_size;
 use crate::capture::pose_format::{Found, PoseFormat};
 use crate::capture::source::{Source, SourceView};
+use crate::text::quoted;
 use crate::{Report, Result, input_file};
 use glam::DVec3;
 use serde::Deserialize;
@@ -85,10 +86,11 @@ fn read(cameras: &Path, photos: &str, folder: &CaptureFolder) -> Result<Source> 
         };
         match view(&path, &photo)? {
             Ok(view) => source.views.push(view),
-            Err(what) => left_out.broken(stem, what),
+            Err(what) => left_out.push(format!("camera {}", quoted(&stem)), what),
         }
     }
-    left_out.report(cameras, source.views.len() + source.without_photo.len(), &mut source.report)?;
+    let total = source.views.len() + source.without_photo.len() + left_out.count();
+    left_out.finish(cameras, "views", total, &mut source.report)?;
     Ok(source)
 }
 

@@ -8,11 +8,12 @@
 //! OpenCV's p1, p2 (as nerfstudio reads the CSV of the same program).
 
 use super::axes::from_rows;
-use super::left_out::LeftOut;
-use super::lookup::{begins_with_all, files, photo_folder};
+use super::lookup::{begins_with_all, files, name_in, photo_folder};
+use super::unused::Unused;
 use super::xml::{self, numbers, text_of};
 use crate::camera::{Pinhole, RigidTransform};
 use crate::capture::folder::CaptureFolder;
+use crate::capture::left_out::LeftOut;
 use crate::capture::lens::{Distortion, Lens};
 use crate::capture::photos::photo_size;
 use crate::capture::pose_format::{Found, PoseFormat};
@@ -59,7 +60,7 @@ fn read(folder: &CaptureFolder) -> Result<Source> {
     let photos = photo_folder(folder, &["images"]);
     let mut source = Source::at(&folder.root);
     source.stated_up = Some(DVec3::Z);
-    let mut left_out = LeftOut::default();
+    let (mut left_out, mut unused) = (LeftOut::default(), Unused::default());
     let beside = files(photos.path(), "xmp", DEPTH);
     let (base, sidecars): (&Path, Vec<PathBuf>) = match beside.iter().any(|p| is_sidecar(p)) {
         true => (photos.path(), beside),
@@ -77,11 +78,11 @@ fn read(folder: &CaptureFolder) -> Result<Source> {
         let camera = match camera(path, &text)? {
             Ok(Some(camera)) => camera,
             Ok(None) => {
-                left_out.unposed(stem);
+                unused.unposed.push(stem);
                 continue;
             }
             Err(what) => {
-                left_out.broken(stem, what);
+                left_out.push(format!("camera {}", quoted(&stem)), what);
                 continue;
             }
         };
@@ -89,13 +90,12 @@ fn read(folder: &CaptureFolder) -> Result<Source> {
         let lens = match camera.lens(photo_size(&photo)?) {
             Ok(lens) => lens,
             Err(what) => {
-                left_out.broken(stem, what);
+                left_out.push(format!("camera {}", quoted(&stem)), what);
                 continue;
             }
         };
-        let name = photo.strip_prefix(photos.path()).unwrap_or(&photo).to_string_lossy().replace('\\', "/");
         source.views.push(SourceView {
-            name,
+            name: name_in(&photos, &photo),
             photo: Some(photo),
             mask: None,
             lens,
@@ -108,7 +108,9 @@ fn read(folder: &CaptureFolder) -> Result<Source> {
         let what = format!("skew and aspect ratio of {num_dropped} lenses are not supported and ignored");
         source.report.warn("lens-term-dropped", num_dropped, what);
     }
-    left_out.report(&folder.root, source.views.len() + source.without_photo.len(), &mut source.report)?;
+    let total = source.views.len() + source.without_photo.len() + left_out.count();
+    left_out.finish(&folder.root, "views", total, &mut source.report)?;
+    unused.report(&mut source.report);
     Ok(source)
 }
 

@@ -7,13 +7,15 @@
 //! of each photo, `K` is the matrix of all by columns, in pixels of the size w, h; lenses have no distortion.
 
 use super::axes::from_opengl;
-use super::left_out::LeftOut;
-use super::lookup::photo_folder;
+use super::json::{self, Number};
+use super::lookup::{photo_folder, stems};
 use crate::camera::{Pinhole, RigidTransform};
 use crate::capture::folder::CaptureFolder;
+use crate::capture::left_out::LeftOut;
 use crate::capture::lens::{Distortion, Lens};
 use crate::capture::pose_format::{Found, PoseFormat};
 use crate::capture::source::{Source, SourceView};
+use crate::text::quoted;
 use crate::{Report, Result, input_file};
 use glam::{DMat3, DQuat, DVec3};
 use serde::Deserialize;
@@ -31,18 +33,18 @@ pub(crate) const FORMAT: PoseFormat = PoseFormat {
 /// Folders of the photos.
 const PHOTOS: [&str; 2] = ["rgb", "rgbd"];
 
-/// Two hours at 60 frames a second take less.
-const FILE_BYTES_MAX: u64 = 256 << 20;
+/// An hour at 60 frames a second takes less.
+const FILE_BYTES_MAX: u64 = 64 << 20;
 
 #[derive(Deserialize)]
 struct Metadata {
     w: u32,
     h: u32,
     #[serde(rename = "K")]
-    matrix: Option<Vec<f64>>,
+    matrix: Option<[Number; 9]>,
     #[serde(rename = "perFrameIntrinsicCoeffs", default)]
-    of_frames: Vec<Vec<f64>>,
-    poses: Vec<Vec<f64>>,
+    of_frames: Vec<[Number; 4]>,
+    poses: Vec<[Number; 7]>,
 }
 
 fn find(path: &Path, _: &mut Report) -> Option<Found> {
@@ -55,17 +57,20 @@ fn find(path: &Path, _: &mut Report) -> Option<Found> {
 }
 
 fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
-    let metadata: Metadata = serde_json::from_str(&input_file::read_text(path, FILE_BYTES_MAX)?)
-        .map_err(|e| invalid!(path, "{e}; expected the metadata of Record3D"))?;
+    input_file::check(path, FILE_BYTES_MAX)?;
+    let metadata: Metadata = json::read(path, "the metadata of Record3D")?;
     let photos = photo_folder(folder, &PHOTOS);
     let mut source = Source::at(path);
     let mut left_out = LeftOut::default();
+    let there = stems(&photos);
     for (index, pose) in metadata.poses.iter().enumerate() {
-        let Some(photo) = photos.find(&index.to_string())? else {
-            source.without_photo.push(index.to_string());
+        let stem = index.to_string();
+        let photo = there.contains(&stem).then(|| photos.find(&stem)).transpose()?.flatten();
+        let Some(photo) = photo else {
+            source.without_photo.push(stem);
             continue;
         };
-        match metadata.lens(index).and_then(|lens| Ok((lens, camera_from_capture(pose)?))) {
+        match metadata.lens(index).and_then(|lens| Ok((lens, camera_from_capture(pose.map(|v| v.0))?))) {
             Ok((lens, camera_from_capture)) => source.views.push(SourceView {
                 name: photo.file_name().unwrap_or_default().to_string_lossy().into_owned(),
                 photo: Some(photo),
@@ -75,20 +80,16 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
                 split: None,
                 observed: Vec::new(),
             }),
-            Err(what) => left_out.broken(index.to_string(), what),
+            Err(what) => left_out.push(format!("camera {}", quoted(&stem)), what),
         }
     }
-    left_out.report(path, source.views.len() + source.without_photo.len(), &mut source.report)?;
+    let total = source.views.len() + source.without_photo.len() + left_out.count();
+    left_out.finish(path, "views", total, &mut source.report)?;
     Ok(source)
 }
 
-fn camera_from_capture(pose: &[f64]) -> Result<RigidTransform, String> {
-    let [x, y, z, w, position @ ..] = pose else {
-        return Err(format!("its pose has {} numbers, expected 7", pose.len()));
-    };
-    let position: [f64; 3] =
-        position.try_into().map_err(|_| format!("its pose has {} numbers, expected 7", pose.len()))?;
-    let turn = DQuat::from_xyzw(*x, *y, *z, *w);
+fn camera_from_capture([x, y, z, w, position @ ..]: [f64; 7]) -> Result<RigidTransform, String> {
+    let turn = DQuat::from_xyzw(x, y, z, w);
     if !(turn.length().is_normal() && turn.is_finite()) {
         return Err(format!("its quaternion is {x}, {y}, {z}, {w}"));
     }
@@ -97,11 +98,11 @@ fn camera_from_capture(pose: &[f64]) -> Result<RigidTransform, String> {
 
 impl Metadata {
     fn lens(&self, index: usize) -> Result<Lens, String> {
-        let own = self.of_frames.get(index).map(Vec::as_slice);
-        let (fx_px, fy_px, cx_px, cy_px) = match (own, self.matrix.as_deref()) {
-            (Some([fx, fy, cx, cy, ..]), _) => (*fx, *fy, *cx, *cy),
-            (_, Some([fx, _, _, _, fy, _, cx, cy, _])) => (*fx, *fy, *cx, *cy),
-            _ => return Err("neither perFrameIntrinsicCoeffs nor K has its intrinsics".to_owned()),
+        let of_all = || self.matrix.map(|[fx, _, _, _, fy, _, cx, cy, _]| [fx, fy, cx, cy]);
+        let Some([fx_px, fy_px, cx_px, cy_px]) =
+            self.of_frames.get(index).copied().or_else(of_all).map(|all| all.map(|v| v.0))
+        else {
+            return Err("neither perFrameIntrinsicCoeffs nor K has its intrinsics".to_owned());
         };
         let pinhole = Pinhole { width_px: self.w, height_px: self.h, fx_px, fy_px, cx_px, cy_px };
         let lens = Lens { pinhole, distortion: Distortion::None };

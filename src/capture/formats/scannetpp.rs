@@ -9,14 +9,18 @@
 //! up.
 
 use super::axes::{from_opencv, from_rows};
-use super::left_out::LeftOut;
+use super::json::{self, Number};
+use super::lookup::stems;
 use super::transforms;
+use super::unused::Unused;
 use crate::camera::Pinhole;
 use crate::capture::folder::CaptureFolder;
+use crate::capture::left_out::LeftOut;
 use crate::capture::lens::{Distortion, Lens};
 use crate::capture::photos::photo_size;
 use crate::capture::pose_format::{Found, PoseFormat};
 use crate::capture::source::{Source, SourceView};
+use crate::text::quoted;
 use crate::{Report, Result, input_file};
 use glam::DVec3;
 use serde::Deserialize;
@@ -40,13 +44,13 @@ const DSLR: [(&str, &str, &str); 2] = [
     ("nerfstudio/transforms_undistorted.json", "undistorted_images", "undistorted_anon_masks"),
 ];
 
-/// The largest scenes, with the measurements of motion, take less.
-const FILE_BYTES_MAX: u64 = 512 << 20;
+/// 30,000 photos, with the measurements of motion, take less.
+const FILE_BYTES_MAX: u64 = 128 << 20;
 
 #[derive(Deserialize)]
 struct Frame {
-    aligned_pose: Option<[[f64; 4]; 4]>,
-    intrinsic: [[f64; 3]; 3],
+    aligned_pose: Option<[[Number; 4]; 4]>,
+    intrinsic: [[Number; 3]; 3],
 }
 
 fn find(path: &Path, report: &mut Report) -> Option<Found> {
@@ -72,25 +76,28 @@ fn find_dslr(dslr: &Path, report: &mut Report) -> Option<Found> {
 }
 
 fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
-    let frames: BTreeMap<String, Frame> = serde_json::from_str(&input_file::read_text(path, FILE_BYTES_MAX)?)
-        .map_err(|e| invalid!(path, "{e}; expected the poses of ScanNet++'s iPhone"))?;
+    input_file::check(path, FILE_BYTES_MAX)?;
+    let frames: BTreeMap<String, Frame> = json::read(path, "the poses of ScanNet++'s iPhone")?;
     let photos = folder.images.clone().unwrap_or_else(|| folder.photos("rgb"));
     let mut source = Source::at(path);
-    let mut left_out = LeftOut::default();
+    let (mut left_out, mut unused) = (LeftOut::default(), Unused::default());
+    let there = stems(&photos);
     for (name, frame) in frames {
         let Some(pose) = frame.aligned_pose else {
-            left_out.unposed(name);
+            unused.unposed.push(name);
             continue;
         };
-        let Some(photo) = photos.find(&name)? else {
+        let photo = there.contains(&name).then(|| photos.find(&name)).transpose()?.flatten();
+        let Some(photo) = photo else {
             source.without_photo.push(name);
             continue;
         };
+        let pose = pose.map(|row| row.map(|v| v.0));
         let row = |i: usize| [pose[i][0], pose[i][1], pose[i][2]];
         let axes = from_rows([row(0), row(1), row(2)]);
         let camera_from_capture = from_opencv(axes, DVec3::new(pose[0][3], pose[1][3], pose[2][3]));
         let (width_px, height_px) = photo_size(&photo)?;
-        let [[fx_px, _, cx_px], [_, fy_px, cy_px], _] = frame.intrinsic;
+        let [[fx_px, _, cx_px], [_, fy_px, cy_px], _] = frame.intrinsic.map(|row| row.map(|v| v.0));
         let pinhole = Pinhole { width_px, height_px, fx_px, fy_px, cx_px, cy_px };
         let lens = Lens { pinhole, distortion: Distortion::None };
         match (camera_from_capture, lens.problem()) {
@@ -103,9 +110,11 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
                 split: None,
                 observed: Vec::new(),
             }),
-            (Err(what), _) | (_, Some(what)) => left_out.broken(name, what),
+            (Err(what), _) | (_, Some(what)) => left_out.push(format!("camera {}", quoted(&name)), what),
         }
     }
-    left_out.report(path, source.views.len() + source.without_photo.len(), &mut source.report)?;
+    let total = source.views.len() + source.without_photo.len() + left_out.count();
+    left_out.finish(path, "views", total, &mut source.report)?;
+    unused.report(&mut source.report);
     Ok(source)
 }
