@@ -17,12 +17,12 @@ pub(crate) enum Distortion {
         /// Tangential p1, p2.
         p: [f64; 2],
     },
-    /// Brown's model with a fourth radial term, as photogrammetry programs write it: radial factor
-    /// `1 + k1 r^2 + k2 r^4 + k3 r^6 + k4 r^8`.
+    /// Brown's model (Brown 1971) as photogrammetry programs write it; radial factor
+    /// `1 + k1 r^2 + k2 r^4 + k3 r^6 + k4 r^8`. Without k4 and shear it is OpenCV's.
     Brown {
         /// k1 to k4.
         k: [f64; 4],
-        /// Tangential p1, p2, as in OpenCV.
+        /// Tangential p1, p2, in OpenCV's order.
         p: [f64; 2],
         /// What x gains for each unit of the distorted y: rows of pixels that are not at a right angle to columns.
         shear: f64,
@@ -275,6 +275,24 @@ mod tests {
     }
 
     #[test]
+    fn browns_fourth_coefficient_is_no_denominator() {
+        // Of the sample capture at 320 x 240: focal lengths, principal point, and a corner. A lens as Metashape fits it.
+        let (focal_px, corner) = (304.0, DVec2::new(160.0, 120.0) / 304.0);
+        let [k1, k2, k3, k4] = [-0.05, 0.02, -0.01, 0.10];
+        let truth = Distortion::Brown { k: [k1, k2, k3, k4], p: [0.0; 2], shear: 0.0 };
+        let r2 = corner.length_squared();
+        let series = 1.0 + k1 * r2 + k2 * r2.powi(2) + k3 * r2.powi(3) + k4 * r2.powi(4);
+        assert!((truth.distort(corner) - corner * series).length() < 1e-15);
+        let off_px = |taken: Distortion| (taken.distort(corner) - truth.distort(corner)).length() * focal_px;
+        let denominator = off_px(Distortion::Radial { k: [k1, k2, k3, k4, 0.0, 0.0], p: [0.0; 2] });
+        let dropped = off_px(Distortion::Radial { k: [k1, k2, k3, 0.0, 0.0, 0.0], p: [0.0; 2] });
+        assert!(
+            (denominator - 8.84).abs() < 0.01 && (dropped - 0.70).abs() < 0.01,
+            "{denominator} {dropped}"
+        );
+    }
+
+    #[test]
     fn tilted_fisheye_lenses_match_the_formulas_of_colmap_term_by_term() {
         let at = DVec2::new(0.5, -0.25);
         let r = at.length();
@@ -332,23 +350,5 @@ mod tests {
         let fold = (1.0_f64 / 0.9).sqrt();
         assert!((d.monotonic_radius(3.0) - fold).abs() < 2e-3);
         assert_eq!(d.monotonic_radius(1.0), 1.0);
-    }
-
-    #[test]
-    fn browns_fourth_coefficient_is_no_denominator() {
-        // Of the sample capture at 320 x 240: focal lengths, principal point, and a corner. A lens as Metashape fits it.
-        let (focal_px, corner) = (304.0, DVec2::new(160.0, 120.0) / 304.0);
-        let [k1, k2, k3, k4] = [-0.05, 0.02, -0.01, 0.10];
-        let truth = Distortion::Brown { k: [k1, k2, k3, k4], p: [0.0; 2], shear: 0.0 };
-        let r2 = corner.length_squared();
-        let series = 1.0 + k1 * r2 + k2 * r2.powi(2) + k3 * r2.powi(3) + k4 * r2.powi(4);
-        assert!((truth.distort(corner) - corner * series).length() < 1e-15);
-        let off_px = |taken: Distortion| (taken.distort(corner) - truth.distort(corner)).length() * focal_px;
-        let denominator = off_px(Distortion::Radial { k: [k1, k2, k3, k4, 0.0, 0.0], p: [0.0; 2] });
-        let dropped = off_px(Distortion::Radial { k: [k1, k2, k3, 0.0, 0.0, 0.0], p: [0.0; 2] });
-        assert!(
-            (denominator - 8.84).abs() < 0.01 && (dropped - 0.70).abs() < 0.01,
-            "{denominator} {dropped}"
-        );
     }
 }

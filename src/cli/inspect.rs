@@ -48,7 +48,7 @@ fn inspect(args: &InspectArgs, log: &Log) -> Result<Value> {
         _ if is_checkpoint(path) => checkpoint(path),
         _ if is_run(path) => run_folder(path),
         extension => {
-            if !["zip", "json", "csv"].contains(&extension) {
+            if !["zip", "r3d", "json", "csv", "xml"].contains(&extension) {
                 check_kind(path, " or a capture (a folder, a ZIP archive, transforms.json)")?;
             }
             let mut options = LoadOptions::default();
