@@ -168,7 +168,7 @@ fn has_extension(path: &Path, extensions: &[&str]) -> bool {
 }
 
 /// A path as one word of a POSIX shell; a path that begins like an option gets a folder before it.
-fn shell_word(path: &Path) -> String {
+pub(super) fn shell_word(path: &Path) -> String {
     let mut text = path.display().to_string();
     if text.starts_with('-') {
         text.insert_str(0, "./");

@@ -35,6 +35,11 @@ impl CaptureFolder {
         Ok(folder)
     }
 
+    /// The same for poses whose paths are relative to a folder inside, with photos in another.
+    pub fn inside(&self, root: &str, images: PhotoFolder) -> Self {
+        Self { root: self.root.join(root), images: Some(images), is_archive: self.is_archive }
+    }
+
     /// A folder inside.
     pub fn photos(&self, inside: &str) -> PhotoFolder {
         self.photo_folder(self.root.join(inside))

@@ -17,6 +17,16 @@ pub(crate) enum Distortion {
         /// Tangential p1, p2.
         p: [f64; 2],
     },
+    /// Brown's model (Brown 1971) as photogrammetry programs write it; radial factor
+    /// `1 + k1 r^2 + k2 r^4 + k3 r^6 + k4 r^8`. Without k4 and shear it is OpenCV's.
+    Brown {
+        /// k1 to k4.
+        k: [f64; 4],
+        /// Tangential p1, p2, in OpenCV's order.
+        p: [f64; 2],
+        /// What x gains for each unit of the distorted y: rows of pixels that are not at a right angle to columns.
+        shear: f64,
+    },
     /// OpenCV's fisheye (Kannala-Brandt): `theta (1 + k1 theta^2 + k2 theta^4 + ...)`.
     Fisheye {
         /// k1 to k6.
@@ -73,6 +83,7 @@ impl Lens {
         let coefficients: Vec<f64> = match self.distortion {
             Distortion::None => Vec::new(),
             Distortion::Radial { k, p } => [&k[..], &p].concat(),
+            Distortion::Brown { k, p, shear } => [&k[..], &p, &[shear]].concat(),
             Distortion::Fisheye { k, tilt: Tilt::None } => k.to_vec(),
             Distortion::Fisheye { k, tilt: Tilt::BeforeRadial { p, s } } => [&k[..], &p, &s].concat(),
             Distortion::Fisheye { k, tilt: Tilt::AfterRadial { p, s } } => [&k[..], &p, &s].concat(),
@@ -101,6 +112,7 @@ impl Lens {
         match &self.distortion {
             Distortion::None => false,
             Distortion::Radial { k, p } => k.iter().chain(p).any(|&v| v != 0.0),
+            Distortion::Brown { k, p, shear } => k.iter().chain(p).chain([shear]).any(|&v| v != 0.0),
             Distortion::Fisheye { .. } => true,
             Distortion::Division { k } => *k != 0.0,
             Distortion::FieldOfView { omega } => *omega != 0.0,
@@ -116,6 +128,10 @@ impl Distortion {
         let at = undistorted * self.radial_factor(r2);
         match self {
             Self::Radial { p, .. } => at + tangential(undistorted, *p),
+            Self::Brown { p, shear, .. } => {
+                let at = at + tangential(undistorted, *p);
+                DVec2::new(at.x + shear * at.y, at.y)
+            }
             Self::Fisheye { tilt: Tilt::BeforeRadial { p, s }, .. } => {
                 let before = undistorted * equidistant_factor(r2);
                 at + tangential(before, *p) + DVec2::from(*s) * before.length_squared()
@@ -138,6 +154,7 @@ impl Distortion {
                 let denominator = 1.0 + r2 * (k[3] + r2 * (k[4] + r2 * k[5]));
                 numerator / denominator
             }
+            Self::Brown { k, .. } => 1.0 + r2 * (k[0] + r2 * (k[1] + r2 * (k[2] + r2 * k[3]))),
             Self::Fisheye { k, .. } => {
                 let factor = equidistant_factor(r2);
                 let t2 = factor * factor * r2;
@@ -239,6 +256,40 @@ mod tests {
         let f = Distortion::Fisheye { k: [0.0; 6], tilt: Tilt::None };
         let at_45_deg = f.distort(DVec2::new(1.0, 0.0));
         assert!((at_45_deg.x - std::f64::consts::FRAC_PI_4).abs() < 1e-15);
+    }
+
+    #[test]
+    fn browns_model_has_a_polynomial_of_four_radial_terms_and_a_shear() {
+        let d = Distortion::Brown { k: [0.1, 0.02, 0.03, 0.04], p: [0.01, 0.02], shear: 0.005 };
+        let r2 = 0.3125_f64;
+        let radial = 1.0 + 0.1 * r2 + 0.02 * r2.powi(2) + 0.03 * r2.powi(3) + 0.04 * r2.powi(4);
+        let x = 0.5 * radial + 2.0 * 0.01 * 0.5 * -0.25 + 0.02 * (r2 + 2.0 * 0.25);
+        let y = -0.25 * radial + 0.01 * (r2 + 2.0 * 0.0625) + 2.0 * 0.02 * 0.5 * -0.25;
+        assert!((d.distort(DVec2::new(0.5, -0.25)) - DVec2::new(x + 0.005 * y, y)).length() < 1e-15);
+        // Without k4 and shear it is OpenCV's, whose k4 stands in a denominator.
+        let at = DVec2::new(0.6, 0.3);
+        let brown = |k4| Distortion::Brown { k: [0.1, 0.02, 0.03, k4], p: [0.01, 0.02], shear: 0.0 };
+        let opencv = |k4| Distortion::Radial { k: [0.1, 0.02, 0.03, k4, 0.0, 0.0], p: [0.01, 0.02] };
+        assert!((brown(0.0).distort(at) - opencv(0.0).distort(at)).length() < 1e-15);
+        assert!((brown(0.1).distort(at) - opencv(0.1).distort(at)).length() > 1e-2, "negative control");
+    }
+
+    #[test]
+    fn browns_fourth_coefficient_is_no_denominator() {
+        // Of the sample capture at 320 x 240: focal lengths, principal point, and a corner. A lens as Metashape fits it.
+        let (focal_px, corner) = (304.0, DVec2::new(160.0, 120.0) / 304.0);
+        let [k1, k2, k3, k4] = [-0.05, 0.02, -0.01, 0.10];
+        let truth = Distortion::Brown { k: [k1, k2, k3, k4], p: [0.0; 2], shear: 0.0 };
+        let r2 = corner.length_squared();
+        let series = 1.0 + k1 * r2 + k2 * r2.powi(2) + k3 * r2.powi(3) + k4 * r2.powi(4);
+        assert!((truth.distort(corner) - corner * series).length() < 1e-15);
+        let off_px = |taken: Distortion| (taken.distort(corner) - truth.distort(corner)).length() * focal_px;
+        let denominator = off_px(Distortion::Radial { k: [k1, k2, k3, k4, 0.0, 0.0], p: [0.0; 2] });
+        let dropped = off_px(Distortion::Radial { k: [k1, k2, k3, 0.0, 0.0, 0.0], p: [0.0; 2] });
+        assert!(
+            (denominator - 8.84).abs() < 0.01 && (dropped - 0.70).abs() < 0.01,
+            "{denominator} {dropped}"
+        );
     }
 
     #[test]

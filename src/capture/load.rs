@@ -10,7 +10,7 @@ use super::pose_format::Found;
 use super::source::{Source, SourceView, first_names, first_paths};
 use super::store::ImageStore;
 use super::zipped::Unpacked;
-use super::{advice, frame, health, overlap, plausible, split, zipped};
+use super::{advice, elsewhere, far, formats, frame, health, left_out, overlap, plausible, split, zipped};
 use crate::camera::{Camera, Similarity};
 use crate::text::{self, quoted};
 use crate::views::Split;
@@ -22,6 +22,10 @@ use std::path::{Path, PathBuf};
 /// What to do with an archive of photos without poses: commands need a folder.
 const UNPACK: &str =
     "its photos have no poses yet; unpack it, and \"litetex train FOLDER\" says how to find them";
+
+/// The same where its poses lie deep inside.
+const UNPACK_AND_NAME: &str =
+    "it has poses in folders inside; unpack it, and \"litetex train FOLDER\" says which to name";
 
 impl Capture {
     /// Reads the poses and points of a capture and checks the sizes of its photos without decoding them.
@@ -73,6 +77,10 @@ fn load_folder(path: &Path, options: &LoadOptions, archive: Option<&Unpacked>) -
             &source.path,
             "no registered images; the reconstruction failed: run it again with more overlap",
         ));
+    }
+    left_out::points(&mut source, &mut report)?;
+    if !options.keep_far {
+        far::leave_out(&mut source, &mut report);
     }
     let capture_from_local = frame::capture_from_local(&source, &mut report);
     let near = frame::near(&source, capture_from_local.scale);
@@ -142,18 +150,28 @@ fn find_poses(
             return Ok((format, found));
         }
     }
+    let colmap = "colmap".parse().ok().filter(wanted);
+    if let Some(colmap) = colmap
+        && let Some(found) = formats::find_colmap_elsewhere(path, report)
+    {
+        return Ok((colmap, found));
+    }
     let files: Vec<&str> = CaptureFormat::all().filter(wanted).map(|f| f.entry().files).collect();
     let files = files.join(", or ");
+    let elsewhere = elsewhere::advice(path, &wanted);
     Err(if path.is_file() {
         let expected = format!("a capture: a folder with {files}, a ZIP archive of it, or a transforms.json");
-        match advice::for_path(path) {
+        match elsewhere.filter(|_| advice::for_path(path).is_some()).or_else(|| advice::for_path(path)) {
             Some(advice) => Error::unsupported(path, advice),
             None => unknown_kind(path, &expected).into(),
         }
     } else {
         let advice = match is_archive {
-            true => advice::for_path(path).map(|_| UNPACK.to_owned()),
-            false => advice::for_path(path),
+            true => elsewhere
+                .map(|_| UNPACK_AND_NAME)
+                .or_else(|| advice::for_path(path).map(|_| UNPACK))
+                .map(str::to_owned),
+            false => elsewhere.or_else(|| advice::for_path(path)),
         };
         let advice = advice.map(|a| format!(": {a}")).unwrap_or_default();
         invalid!(path, "no poses found; expected {files} here{advice}")

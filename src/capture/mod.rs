@@ -4,7 +4,9 @@
 mod advice;
 mod check;
 mod decode;
+mod elsewhere;
 mod exr_photo;
+mod far;
 #[cfg(test)]
 pub(crate) mod fixtures;
 mod folder;
@@ -13,6 +15,7 @@ mod frame;
 mod health;
 mod jpeg_end;
 mod jpeg_frame;
+mod left_out;
 mod lens;
 mod load;
 mod loaded;
@@ -24,6 +27,8 @@ mod pose_format;
 mod source;
 mod split;
 mod store;
+#[cfg(test)]
+mod strangers_tests;
 #[cfg(test)]
 mod tests;
 mod warp;

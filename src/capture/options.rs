@@ -99,6 +99,9 @@ pub struct LoadOptions {
     /// Whether alpha is kept, for training on changing backgrounds; colours are those over black then. Default off.
     #[serde(skip)]
     pub keep_alpha: bool,
+    /// Whether cameras and points more than 20 median distances from the median are kept. Default off: one lost camera
+    /// would set the scale of the capture.
+    pub keep_far: bool,
     /// Every how many views one is held out, in the order of names; 0: none. A split stated by the capture takes
     /// precedence. Default 8 (paper, Experimental Setup).
     pub test_every: usize,
@@ -118,6 +121,7 @@ impl Default for LoadOptions {
             max_resolution: 1600,
             background: [0.0; 3],
             keep_alpha: false,
+            keep_far: false,
             test_every: 8,
             test_list: None,
             image_cache_bytes: 4 << 30,

@@ -33,6 +33,8 @@ pub(crate) struct Source {
     pub path: PathBuf,
     pub views: Vec<SourceView>,
     pub points: Vec<SfmPoint>,
+    /// Up as the format defines it, a unit vector, where it does.
+    pub stated_up: Option<DVec3>,
     /// The file of the points, where the poses name one.
     pub points_file: Option<PathBuf>,
     /// Mean reprojection error of the points in pixels, where the format states it.
@@ -49,16 +51,37 @@ impl Source {
             path: path.to_owned(),
             views: Vec::new(),
             points: Vec::new(),
+            stated_up: None,
             points_file: None,
             reprojection_error_px: None,
             without_photo: Vec::new(),
             report: Report::default(),
         }
     }
+
+    /// Leaves out points, also of what the views observe.
+    pub fn retain_points(&mut self, keep: impl Fn(&SfmPoint) -> bool) {
+        let mut kept = 0;
+        let new_index: Vec<Option<u32>> = self
+            .points
+            .iter()
+            .map(|point| {
+                keep(point).then(|| {
+                    kept += 1;
+                    kept - 1
+                })
+            })
+            .collect();
+        self.points.retain(keep);
+        for view in &mut self.views {
+            view.observed =
+                view.observed.iter().filter_map(|&i| new_index.get(i as usize).copied().flatten()).collect();
+        }
+    }
 }
 
 /// Larger coordinates are taken for damage: even the moon's distance in millimetres is less.
-const MAX_COORDINATE: f64 = 1e12;
+pub(crate) const MAX_COORDINATE: f64 = 1e12;
 
 /// The rotation nearest to a matrix that is a rotation up to rounding and uniform scale.
 ///
@@ -98,7 +121,8 @@ pub(crate) fn nearest_rotation(matrix: DMat3) -> Result<DMat3, String> {
 pub(crate) fn checked_pose(rotation: DMat3, translation: DVec3) -> Result<RigidTransform, String> {
     if !translation.is_finite() || translation.abs().max_element() > MAX_COORDINATE {
         return Err(format!(
-            "its translation is {translation:?}, expected finite numbers up to {MAX_COORDINATE:e}"
+            "its translation is {:?}, expected finite numbers up to {MAX_COORDINATE:e}",
+            translation.to_array()
         ));
     }
     Ok(RigidTransform {
@@ -117,7 +141,8 @@ pub(crate) fn first_paths<'a>(paths: impl IntoIterator<Item = &'a PathBuf>) -> S
     first_of(paths.into_iter().map(|path| format!("{:?}", text::path(path))))
 }
 
-fn first_of(shown: impl Iterator<Item = String>) -> String {
+/// As [`first_names`], of texts that are shown as they are.
+pub(crate) fn first_of(shown: impl Iterator<Item = String>) -> String {
     const SHOWN: usize = 5;
     let all: Vec<String> = shown.collect();
     let mut text = all[..all.len().min(SHOWN)].join(", ");

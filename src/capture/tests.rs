@@ -366,7 +366,7 @@ fn coincident_cameras_get_a_scale_and_a_warning() {
 fn health_detects_collapsed_cameras_and_points_behind_them() {
     let mut scene = Scene::ring(6);
     scene.images[1].camera_from_world = scene.images[0].camera_from_world;
-    scene.points[3].0 = [100.0, 0.0, 0.0];
+    scene.points[3].0 = [10.0, 0.0, 0.0];
     let capture = load(&written(&scene), &options());
     let health = capture.health.clone().unwrap();
     assert_eq!(health.coincident_cameras, 2);
@@ -379,7 +379,7 @@ fn health_detects_collapsed_cameras_and_points_behind_them() {
         (0, 0, 0)
     );
     let mut lost = Scene::ring(6);
-    lost.images[4].camera_from_world.1 *= 30.0;
+    lost.images[4].camera_from_world.1 *= 15.0;
     assert!(has_warning(&load(&written(&lost), &options()), "cameras-far-off", 1));
 }
 

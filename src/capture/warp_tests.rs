@@ -1,6 +1,6 @@
 //! Distorted captures against photos of the same scene through a pinhole.
 
-use super::fixtures::Scene;
+use super::fixtures::{Scene, write_json};
 use super::lens::{Distortion, Tilt};
 use super::*;
 use crate::image::TargetImage;
@@ -27,6 +27,14 @@ fn undistort(distortion: &Distortion, distorted: DVec2) -> DVec2 {
     guess
 }
 
+/// A photo of `colour` through the lens.
+fn distorted_photo(distortion: &Distortion) -> image::RgbImage {
+    image::RgbImage::from_fn(SIZE.0, SIZE.1, |x, y| {
+        let at = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
+        image::Rgb(colour(undistort(distortion, (at - CENTRE_PX) / FOCAL_PX)))
+    })
+}
+
 /// A capture of two views of `colour` taken with the lens, loaded.
 fn captured(model: (i32, &'static str), extra: &[f64], distortion: &Distortion, max: u32) -> TargetImage {
     let mut scene = Scene::ring(2);
@@ -42,11 +50,7 @@ fn captured(model: (i32, &'static str), extra: &[f64], distortion: &Distortion, 
     let folder = tempdir().unwrap();
     scene.write(folder.path());
     for image in &scene.images {
-        let photo = image::RgbImage::from_fn(SIZE.0, SIZE.1, |x, y| {
-            let at = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
-            image::Rgb(colour(undistort(distortion, (at - CENTRE_PX) / FOCAL_PX)))
-        });
-        photo.save(folder.path().join("images").join(&image.name)).unwrap();
+        distorted_photo(distortion).save(folder.path().join("images").join(&image.name)).unwrap();
     }
     let options = LoadOptions { test_every: 0, max_resolution: max, ..LoadOptions::default() };
     let capture = Capture::load(folder.path(), &options).unwrap();
@@ -148,4 +152,38 @@ fn pixels_outside_the_distorted_image_are_masked() {
     assert_eq!((mask[0], mask[40 * 120 + 60]), (0, 255));
     let (mean, _, kept) = differences(&photo);
     assert!(mean < 1.0 && kept > 0.5 && kept < 0.95, "{mean} {kept}");
+}
+
+/// As `captured`, with the lens and its k4 in a `transforms.json`.
+fn captured_by_json(model: &str, k: [f64; 4], distortion: &Distortion) -> TargetImage {
+    let mut scene = Scene::ring(2);
+    scene.cameras[0].size = SIZE;
+    scene.cameras[0].params = vec![FOCAL_PX, FOCAL_PX, CENTRE_PX.x, CENTRE_PX.y];
+    let folder = tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("images")).unwrap();
+    let mut json = scene.transforms("images/");
+    json["camera_model"] = model.into();
+    for (name, value) in ["k1", "k2", "k3", "k4"].into_iter().zip(k) {
+        json[name] = value.into();
+    }
+    write_json(folder.path().join("transforms.json"), &json);
+    for image in &scene.images {
+        distorted_photo(distortion).save(folder.path().join("images").join(&image.name)).unwrap();
+    }
+    let options = LoadOptions { test_every: 0, ..LoadOptions::default() };
+    let capture = Capture::load(folder.path(), &options).unwrap();
+    let is_said = capture.report.warnings.iter().any(|w| w.code == "brown-k4" && w.count == 2);
+    assert_eq!(is_said, model == "OPENCV");
+    TargetImage::clone(&capture.target(0).unwrap())
+}
+
+#[test]
+fn k4_of_a_json_is_browns_fourth_term() {
+    let k = [-0.05, 0.02, -0.01, 0.10];
+    let brown = Distortion::Brown { k, p: [0.0; 2], shear: 0.0 };
+    let (mean, worst, _) = differences(&captured_by_json("OPENCV", k, &brown));
+    assert!(mean < 1.0 && worst <= 4.0, "mean {mean}, worst {worst}");
+    // Negative control: as OpenCV's denominator, it is 6 px off in the corners.
+    let (mean, worst, _) = differences(&captured_by_json("FULL_OPENCV", k, &brown));
+    assert!(mean > 3.0 && worst > 50.0, "mean {mean}, worst {worst}");
 }

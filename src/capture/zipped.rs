@@ -9,7 +9,11 @@ use zip::ZipArchive;
 use zip::result::ZipError;
 
 /// Extensions of the files that a capture may need; everything else stays packed.
-const EXTENSIONS: [&str; 10] = ["png", "jpg", "jpeg", "webp", "exr", "bin", "txt", "json", "ply", "csv"];
+const EXTENSIONS: [&str; 12] =
+    ["png", "jpg", "jpeg", "webp", "exr", "bin", "txt", "json", "ply", "csv", "xml", "xmp"];
+
+/// The file of Record3D's archives (.r3d) that has no extension.
+const RECORD3D: &str = "metadata";
 
 /// Largest ratio of unpacked to packed size: text models shrink to a quarter, ZIP bombs to a thousandth.
 const MAX_RATIO: u64 = 100;
@@ -88,7 +92,8 @@ impl Unpacked {
 
 /// Whether a path names an archive.
 pub(crate) fn is_archive(path: &Path) -> bool {
-    path.is_file() && path.extension().is_some_and(|e| e.eq_ignore_ascii_case("zip"))
+    let is_one = |extension| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension));
+    path.is_file() && (is_one("zip") || is_one("r3d"))
 }
 
 fn our_error(path: &Path, element: &str, error: ZipError) -> Error {
@@ -124,8 +129,9 @@ pub(crate) fn unpack(path: &Path) -> Result<Unpacked> {
             ));
         };
         let extension = inside.extension().unwrap_or_default().to_ascii_lowercase();
+        let is_needed = EXTENSIONS.iter().any(|e| extension == *e) || inside.ends_with(RECORD3D);
         // Links are skipped, or they would be written as files with the text of their target.
-        if entry.is_dir() || entry.is_symlink() || !EXTENSIONS.iter().any(|e| extension == *e) {
+        if entry.is_dir() || entry.is_symlink() || !is_needed {
             continue;
         }
         let target = unpacked.folder.join(&inside);

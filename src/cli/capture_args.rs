@@ -36,6 +36,9 @@ pub struct WholeCaptureArgs {
     /// Invert the masks: black pixels count
     #[arg(long)]
     pub mask_invert: bool,
+    /// Keep cameras and points that are more than 20 median distances from the median
+    #[arg(long)]
+    pub keep_far: bool,
     /// Pose format [default: the first of these that is found]
     #[arg(long, value_name = "FORMAT", value_parser = format_parser())]
     pub format: Option<CaptureFormat>,
@@ -67,6 +70,7 @@ impl WholeCaptureArgs {
         self.usual.apply(options);
         set(&mut options.image_cache_bytes, self.image_cache);
         options.mask_invert |= self.mask_invert;
+        options.keep_far |= self.keep_far;
         set_some(&mut options.format, &self.format);
     }
 }

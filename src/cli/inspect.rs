@@ -2,9 +2,10 @@
 
 use super::capture_args::WholeCaptureArgs;
 use super::sources::{check_kind, is_asset, read_scene};
-use glam::{DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 use litetex_exporters::{Describes, LayerSize, Quality, SplatAsset, Transform};
 use litetex_gs::bake::model_from_asset;
+use litetex_gs::camera::Pinhole;
 use litetex_gs::capture::{Capture, LoadOptions, read_ply_points};
 use litetex_gs::console::{Log, Output, Table, path_text};
 use litetex_gs::model::Model;
@@ -47,7 +48,7 @@ fn inspect(args: &InspectArgs, log: &Log) -> Result<Value> {
         _ if is_checkpoint(path) => checkpoint(path),
         _ if is_run(path) => run_folder(path),
         extension => {
-            if !["zip", "json", "csv"].contains(&extension) {
+            if !["zip", "r3d", "json", "csv", "xml"].contains(&extension) {
                 check_kind(path, " or a capture (a folder, a ZIP archive, transforms.json)")?;
             }
             let mut options = LoadOptions::default();
@@ -251,6 +252,12 @@ fn of_capture(capture: &Capture) -> Value {
         let p = capture.camera(v).pinhole;
         *sizes.entry(format!("{}x{}", p.width_px, p.height_px)).or_default() += 1;
     }
+    let pinholes = || (0..capture.num_views()).map(|v| capture.camera(v).pinhole);
+    // Of points on the plane z = 0, for the bounds that points in space have.
+    let range = |of: fn(&Pinhole) -> (f64, f64)| {
+        let (low, high) = bounds(pinholes().map(|p| DVec2::from(of(&p)).extend(0.0)));
+        json!({ "min": low[..2], "max": high[..2] })
+    };
     let names =
         |split| -> Vec<&str> { capture.indices(split).into_iter().map(|v| capture.name(v)).collect() };
     json!({
@@ -261,6 +268,8 @@ fn of_capture(capture: &Capture) -> Value {
         "train_views": capture.indices(Split::Train).len(),
         "test_views": names(Split::Test),
         "sizes": sizes,
+        "focal_lengths_px": range(|p| (p.fx_px, p.fy_px)),
+        "principal_points_px": range(|p| (p.cx_px, p.cy_px)),
         "points": capture.points.len(),
         "capture_from_local": {
             "scale": capture.capture_from_local.scale,

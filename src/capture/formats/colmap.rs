@@ -3,14 +3,16 @@
 use super::colmap_model::{ColmapCamera, ColmapImage, ColmapSparse};
 use super::{colmap_bin, colmap_txt};
 use crate::camera::Pinhole;
+use crate::capture::folder::CaptureFolder;
+use crate::capture::left_out::LeftOut;
 use crate::capture::lens::{Distortion, Lens, Tilt};
 use crate::capture::pose_format::{Found, PoseFormat};
 use crate::capture::source::{Source, SourceView, checked_pose, first_names};
 use crate::text::quoted;
 use crate::views::SfmPoint;
-use crate::{Error, Report, Result};
+use crate::{Report, Result};
 use glam::{DMat3, DQuat, DVec3};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 /// See [`PoseFormat`].
@@ -25,6 +27,48 @@ pub(crate) const FORMAT: PoseFormat = PoseFormat {
 fn find(path: &Path, report: &mut Report) -> Option<Found> {
     let model = find_model(path, report)?;
     Some(Found { root: capture_root(path), read: Box::new(move |_| read(&model)) })
+}
+
+/// Where other programs put the sparse model of a capture: COLMAP's dense reconstruction, the converter of 3D Gaussian
+/// splatting, and names that people choose. Each is looked at only if there are no poses in the usual places, in this order:
+/// the undistorted models first.
+const PLACES: [&str; 8] = [
+    "dense/sparse",
+    "dense/0/sparse",
+    "undistorted/sparse",
+    "distorted/sparse",
+    "colmap",
+    "colmap/dense/sparse",
+    "colmap/dense/0/sparse",
+    "model",
+];
+
+/// Looks for a sparse model in the places where other programs put it.
+pub(crate) fn find_elsewhere(path: &Path, report: &mut Report) -> Option<Found> {
+    let (place, model) =
+        PLACES.into_iter().find_map(|place| Some((place, find_model(&path.join(place), report)?)))?;
+    let what = format!("the poses are those of {}", model.display());
+    report.warn("poses-elsewhere", 1, what);
+    // Undistorted photos lie beside their model; else the capture's own folder has them.
+    let beside = path.join(place.strip_suffix("/sparse").unwrap_or(place));
+    let root = if beside.join("images").is_dir() { beside } else { path.to_owned() };
+    Some(Found {
+        root,
+        read: Box::new(move |folder| read(&model).map(|source| with_originals(source, folder))),
+    })
+}
+
+/// The converter of 3D Gaussian splatting keeps the photos of the distorted model in `input`.
+fn with_originals(mut source: Source, folder: &CaptureFolder) -> Source {
+    let is_distorted = source.path.components().any(|part| part.as_os_str() == "distorted");
+    if is_distorted && folder.images.is_none() {
+        let originals = folder.photos("input");
+        for view in &mut source.views {
+            // A name that leads out of an archive is refused where all photos are looked for.
+            view.photo = originals.find(&view.name).ok().flatten();
+        }
+    }
+    source
 }
 
 /// If the user named the sparse model itself, the capture is the folder around it.
@@ -126,11 +170,12 @@ fn read_sparse(folder: &Path, report: &mut Report) -> Result<ColmapSparse> {
         let what = format!("{}: no points3D file: the capture has no points", folder.display());
         report.warn("no-points-file", 1, what);
     }
-    Ok(ColmapSparse {
-        cameras: if is_binary(&cameras) {
-            colmap_bin::read_cameras(&cameras)?
+    let cameras_file = cameras;
+    let sparse = ColmapSparse {
+        cameras: if is_binary(&cameras_file) {
+            colmap_bin::read_cameras(&cameras_file)?
         } else {
-            colmap_txt::read_cameras(&cameras)?
+            colmap_txt::read_cameras(&cameras_file)?
         },
         images: if is_binary(&images) {
             colmap_bin::read_images(&images)?
@@ -142,21 +187,32 @@ fn read_sparse(folder: &Path, report: &mut Report) -> Result<ColmapSparse> {
             Some(p) => colmap_txt::read_points(&p)?,
             None => Vec::new(),
         },
-    })
+    };
+    let used: HashSet<u32> = sparse.images.iter().map(|i| i.camera_id).collect();
+    for camera in sparse.cameras.iter().filter(|c| used.contains(&c.id)) {
+        camera.model.check_supported(&cameras_file, camera.id)?;
+    }
+    Ok(sparse)
 }
 
 /// Reads a sparse model into a [`Source`].
 fn read(folder: &Path) -> Result<Source> {
     let mut report = Report::default();
     let sparse = read_sparse(folder, &mut report)?;
-    let lenses = lenses(folder, &sparse.cameras)?;
+    let lenses = lenses(folder, &sparse, &mut report)?;
     let point_index: HashMap<u64, u32> =
         sparse.points.iter().enumerate().map(|(index, p)| (p.id, index as u32)).collect();
-    let mut lost = 0;
+    let (mut lost, mut left_out) = (0, LeftOut::default());
     let mut views = Vec::with_capacity(sparse.images.len());
     for image in &sparse.images {
-        views.push(view(folder, image, &lenses, &point_index, &mut lost)?);
+        match view(image, &lenses, &point_index, &mut lost) {
+            Ok(view) => views.push(view),
+            Err(problem) => {
+                left_out.push(format!("image {} ({})", image.id, quoted(&image.name)), problem);
+            }
+        }
     }
+    left_out.finish(folder, "views", sparse.images.len(), &mut report)?;
     if lost > 0 && !sparse.points.is_empty() {
         let what =
             format!("{}: {lost} observations refer to points that are not in the model", folder.display());
@@ -178,22 +234,46 @@ fn read(folder: &Path) -> Result<Source> {
     })
 }
 
-fn lenses(folder: &Path, cameras: &[ColmapCamera]) -> Result<HashMap<u32, Lens>> {
-    let mut lenses = HashMap::new();
-    for camera in cameras {
-        let lens = lens(camera).map_err(|what| Error::invalid(folder, what))?;
-        if lenses.insert(camera.id, lens).is_some() {
+/// The lenses by the ids of their cameras, or what is wrong with them; warns of broken cameras that no image uses.
+fn lenses(
+    folder: &Path,
+    sparse: &ColmapSparse,
+    report: &mut Report,
+) -> Result<HashMap<u32, Result<Lens, String>>> {
+    let used: HashSet<u32> = sparse.images.iter().map(|i| i.camera_id).collect();
+    let (mut lenses, mut unused) = (HashMap::new(), LeftOut::default());
+    for camera in &sparse.cameras {
+        let name = format!("camera {} ({})", camera.id, camera.model.name);
+        let lens = lens(camera);
+        if let Err(problem) = &lens
+            && !used.contains(&camera.id)
+        {
+            unused.push(name.clone(), problem);
+        }
+        if lenses.insert(camera.id, lens.map_err(|problem| format!("{name}: {problem}"))).is_some() {
             return Err(invalid!(folder, "camera {} occurs twice", camera.id));
         }
+    }
+    if unused.count() > 0 {
+        let what = format!(
+            "{}: {} of {} cameras make no sense and are left out, since no image uses them: {}",
+            folder.display(),
+            unused.count(),
+            sparse.cameras.len(),
+            unused.details()
+        );
+        report.warn("cameras-left-out", unused.count(), what);
     }
     Ok(lenses)
 }
 
-/// Intrinsics and distortion of a camera; parameter orders are COLMAP's.
+/// Intrinsics and distortion of a camera, or what is wrong with them; parameter orders are COLMAP's.
 fn lens(camera: &ColmapCamera) -> Result<Lens, String> {
-    let size = |value: u64, what: &str| {
-        u32::try_from(value).map_err(|_| format!("camera {}: its {what} is {value} pixels", camera.id))
-    };
+    let size =
+        |value: u64, what: &str| u32::try_from(value).map_err(|_| format!("its {what} is {value} pixels"));
+    if !camera.model.is_supported {
+        return Err("its model is not supported".to_owned());
+    }
     let p = &camera.params;
     let shared_focal = matches!(camera.model.number, 0 | 2 | 3 | 8 | 9 | 12 | 14);
     let (fx_px, fy_px, rest) = if shared_focal { (p[0], p[0], 1) } else { (p[0], p[1], 2) };
@@ -239,41 +319,44 @@ fn lens(camera: &ColmapCamera) -> Result<Lens, String> {
         distortion,
     };
     match lens.problem() {
-        Some(what) => Err(format!("camera {} ({}): {what}", camera.id, camera.model.name)),
+        Some(what) => Err(what),
         None => Ok(lens),
     }
 }
 
+/// The view of an image, or what is wrong with it.
 fn view(
-    folder: &Path,
     image: &ColmapImage,
-    lenses: &HashMap<u32, Lens>,
+    lenses: &HashMap<u32, Result<Lens, String>>,
     point_index: &HashMap<u64, u32>,
     lost: &mut usize,
-) -> Result<SourceView> {
-    let invalid = |what: String| invalid!(folder, "image {} ({}): {what}", image.id, quoted(&image.name));
+) -> Result<SourceView, String> {
     if image.name.is_empty() {
-        return Err(invalid("its name is empty".to_owned()));
+        return Err("its name is empty".to_owned());
     }
-    let Some(&lens) = lenses.get(&image.camera_id) else {
-        let known: Vec<String> = lenses.keys().map(u32::to_string).collect();
-        return Err(invalid(format!(
-            "it refers to camera {}, but the cameras are {}",
-            image.camera_id,
-            first_names(known.iter().map(String::as_str))
-        )));
+    let lens = match lenses.get(&image.camera_id) {
+        Some(Ok(lens)) => *lens,
+        Some(Err(problem)) => return Err(problem.clone()),
+        None => {
+            let known: Vec<String> = lenses.keys().map(u32::to_string).collect();
+            return Err(format!(
+                "it refers to camera {}, but the cameras are {}",
+                image.camera_id,
+                first_names(known.iter().map(String::as_str))
+            ));
+        }
     };
     let [w, x, y, z] = image.quaternion;
     let quaternion = DQuat::from_xyzw(x, y, z, w);
     let length = quaternion.length();
     if !(length.is_finite() && length > 1e-9) {
-        return Err(invalid(format!(
-            "its quaternion is {:?}, expected finite numbers and a length of 1; register the image again",
+        return Err(format!(
+            "its quaternion is {:?}, expected finite numbers and a length of 1",
             image.quaternion
-        )));
+        ));
     }
     let pose = checked_pose(DMat3::from_quat(quaternion / length), DVec3::from_array(image.translation))
-        .map_err(|e| invalid(format!("its pose: {e}; register the image again")))?;
+        .map_err(|e| format!("its pose: {e}"))?;
     let observed: Vec<u32> = image.point_ids.iter().filter_map(|id| point_index.get(id).copied()).collect();
     *lost += image.point_ids.len() - observed.len();
     Ok(SourceView {

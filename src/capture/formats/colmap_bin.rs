@@ -14,8 +14,8 @@ const NO_POINT: u64 = u64::MAX;
 pub(crate) fn read_cameras(path: &Path) -> Result<Vec<ColmapCamera>> {
     let data = read_file(path)?;
     let mut bytes = Bytes::new(path, &data);
-    // Id, model, size and the three parameters of the smallest model.
-    let count = bytes.count(48, &|| "the number of cameras".to_owned())?;
+    // Id, model, size and the two parameters of the smallest model.
+    let count = bytes.count(40, &|| "the number of cameras".to_owned())?;
     let mut cameras = Vec::with_capacity(count);
     for index in 0..count {
         let element = || format!("camera {} of {count}", index + 1);

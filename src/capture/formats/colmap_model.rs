@@ -1,7 +1,7 @@
 //! The contents of a COLMAP sparse model as stored, whatever the encoding, and COLMAP's camera models.
 
-use crate::Result;
 use crate::text::quoted;
+use crate::{Error, Result};
 use std::path::Path;
 
 /// A camera, its parameters in COLMAP's order.
@@ -50,11 +50,12 @@ pub(crate) struct ColmapModel {
     pub number: i32,
     pub name: &'static str,
     pub num_params: usize,
-    supported: bool,
+    /// Whether photos with it can be undistorted.
+    pub is_supported: bool,
 }
 
-const fn model(number: i32, name: &'static str, num_params: usize, supported: bool) -> ColmapModel {
-    ColmapModel { number, name, num_params, supported }
+const fn model(number: i32, name: &'static str, num_params: usize, is_supported: bool) -> ColmapModel {
+    ColmapModel { number, name, num_params, is_supported }
 }
 
 /// Numbers, names and parameter counts: COLMAP `src/colmap/sensor/models.h`.
@@ -81,16 +82,22 @@ const MODELS: [ColmapModel; 18] = [
 ];
 
 fn supported_models() -> String {
-    let names: Vec<&str> = MODELS.iter().filter(|m| m.supported).map(|m| m.name).collect();
+    let names: Vec<&str> = MODELS.iter().filter(|m| m.is_supported).map(|m| m.name).collect();
     names.join(", ")
 }
 
-/// What to do about a model that is known but not supported, or about a model that is not known.
-fn remedy(found: Option<ColmapModel>) -> &'static str {
-    match found {
-        Some(_) => "cut the panoramas into perspective views and run COLMAP on these",
-        None => "run \"colmap image_undistorter\" and use its output",
-    }
+/// What to do about a model that is known but not supported.
+const CUT: &str = "cut the panoramas into perspective views and run COLMAP on these";
+
+/// What to do about a model that is not known.
+const UNDISTORT: &str = "run \"colmap image_undistorter\" and use its output";
+
+fn unsupported(path: &Path, camera_id: u32, shown: &str, remedy: &str) -> Error {
+    unsupported!(
+        path,
+        "camera {camera_id} has the camera model {shown}; supported: {}; {remedy}",
+        supported_models()
+    )
 }
 
 impl ColmapModel {
@@ -105,17 +112,12 @@ impl ColmapModel {
     }
 
     fn find(path: &Path, camera_id: u32, shown: &str, is: impl Fn(&Self) -> bool) -> Result<Self> {
-        match MODELS.into_iter().find(|m| is(m)) {
-            Some(m) if m.supported => Ok(m),
-            found => {
-                let known = found.map_or(String::new(), |m| format!(" ({})", m.name));
-                Err(unsupported!(
-                    path,
-                    "camera {camera_id} has the camera model {shown}{known}; supported: {}; {}",
-                    supported_models(),
-                    remedy(found)
-                ))
-            }
-        }
+        MODELS.into_iter().find(|m| is(m)).ok_or_else(|| unsupported(path, camera_id, shown, UNDISTORT))
+    }
+
+    /// Whether photos with this model can be undistorted; what no photo uses need not be.
+    pub fn check_supported(self, path: &Path, camera_id: u32) -> Result<()> {
+        let shown = format!("number {} ({})", self.number, self.name);
+        self.is_supported.then_some(()).ok_or_else(|| unsupported(path, camera_id, &shown, CUT))
     }
 }

@@ -3,6 +3,7 @@
 
 use super::bytes::read_text;
 use super::colmap_model::{ColmapCamera, ColmapImage, ColmapModel, ColmapPoint};
+use super::numbers;
 use crate::text::quoted;
 use crate::{Error, Result};
 use std::path::Path;
@@ -33,15 +34,24 @@ impl<'a> Fields<'a> {
     }
 
     fn next<T: FromStr>(&mut self, what: &str) -> Result<T> {
+        self.parsed(what, |word| word.parse().ok())
+    }
+
+    /// The next number, which may be NaN or infinite.
+    fn number(&mut self, what: &str) -> Result<f64> {
+        self.parsed(what, numbers::parse)
+    }
+
+    fn parsed<T>(&mut self, what: &str, parse: impl Fn(&str) -> Option<T>) -> Result<T> {
         let word =
             self.word().ok_or_else(|| self.invalid(format!("the line ends where {what} was expected")))?;
-        word.parse().map_err(|_| self.invalid(format!("{} found where {what} was expected", quoted(word))))
+        parse(word).ok_or_else(|| self.invalid(format!("{} found where {what} was expected", quoted(word))))
     }
 
     fn array<const N: usize>(&mut self, what: &str) -> Result<[f64; N]> {
         let mut out = [0.0; N];
         for value in &mut out {
-            *value = self.next(what)?;
+            *value = self.number(what)?;
         }
         Ok(out)
     }
@@ -68,8 +78,8 @@ pub(crate) fn read_cameras(path: &Path) -> Result<Vec<ColmapCamera>> {
         let height = fields.next("a height")?;
         let mut params = Vec::with_capacity(model.num_params);
         while let Some(word) = fields.word() {
-            let value = word.parse::<f64>();
-            params.push(value.map_err(|_| fields.invalid(format!("{} is not a number", quoted(word))))?);
+            let value = numbers::parse(word);
+            params.push(value.ok_or_else(|| fields.invalid(format!("{} is not a number", quoted(word))))?);
         }
         if params.len() != model.num_params {
             return Err(fields.invalid(format!(
@@ -91,8 +101,8 @@ fn keypoints(line: &str) -> Option<Vec<u64>> {
     }
     let mut point_ids = Vec::new();
     for triple in words.chunks_exact(3) {
-        triple[0].parse::<f64>().ok()?;
-        triple[1].parse::<f64>().ok()?;
+        numbers::parse(triple[0])?;
+        numbers::parse(triple[1])?;
         if triple[2].parse::<i64>().ok()? >= 0 {
             point_ids.push(triple[2].parse().ok()?);
         }
@@ -146,7 +156,7 @@ pub(crate) fn read_points(path: &Path) -> Result<Vec<ColmapPoint>> {
         for channel in &mut rgb {
             *channel = fields.next("a colour from 0 to 255")?;
         }
-        points.push(ColmapPoint { id, position, rgb, error_px: fields.next("a reprojection error")? });
+        points.push(ColmapPoint { id, position, rgb, error_px: fields.number("a reprojection error")? });
     }
     Ok(points)
 }

@@ -1,16 +1,38 @@
 //! Readers of pose and point files, one format a file. They check every number and count before they
 //! use it; everything beyond the files is decided elsewhere.
 
+mod axes;
 pub(crate) mod bytes;
 mod colmap;
 mod colmap_bin;
 mod colmap_model;
 mod colmap_txt;
+mod json;
+mod lookup;
+mod metashape;
+mod metashape_lens;
+mod numbers;
 pub(crate) mod ply;
+mod polycam;
 mod reality_capture;
+mod reality_xmp;
+mod record3d;
+mod scannetpp;
 mod transforms;
+mod unused;
+mod xml;
 
 use super::pose_format::PoseFormat;
+pub(crate) use colmap::find_elsewhere as find_colmap_elsewhere;
 
 /// All pose formats. Where a capture has poses in several, the first one wins.
-pub(crate) static FORMATS: &[PoseFormat] = &[colmap::FORMAT, transforms::FORMAT, reality_capture::FORMAT];
+pub(crate) static FORMATS: &[PoseFormat] = &[
+    colmap::FORMAT,
+    transforms::FORMAT,
+    reality_capture::FORMAT,
+    metashape::FORMAT,
+    reality_xmp::FORMAT,
+    polycam::FORMAT,
+    record3d::FORMAT,
+    scannetpp::FORMAT,
+];

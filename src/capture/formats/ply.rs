@@ -2,6 +2,7 @@
 //! PLY files of splats are read by `exporters`.
 
 use super::bytes::read_file;
+use super::numbers;
 use crate::text::quoted;
 use crate::views::SfmPoint;
 use crate::{Error, Result};
@@ -29,7 +30,7 @@ impl<'a> Values<'a> {
     /// The next number; `None` at the end of the file or if there is none.
     fn next(&mut self, scalar: Scalar) -> Option<f64> {
         if self.encoding == Encoding::Ascii {
-            return self.word()?.parse().ok();
+            return numbers::parse(self.word()?);
         }
         let size = scalar.num_bytes();
         let stored = self.data.get(self.at..self.at + size)?;

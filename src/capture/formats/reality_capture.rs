@@ -1,21 +1,28 @@
 //! The CSV export "Internal/External camera parameters" of RealityCapture / RealityScan, with a row for
-//! each photo. Positions are `x, y, alt` with z up; `heading, pitch, roll` are in degrees; `f`, `px`, `py`
-//! refer to 36 mm film along the photo's longer side.
+//! each photo. Positions are `x, y, alt` with z up; `heading, pitch, roll` are in degrees; `f` refers to 36 mm film along the
+//! photo's longer side, and `px`, `py` are shares of that side, from the middle of the photo.
 
 use super::bytes::read_text;
-use crate::camera::Pinhole;
+use super::{numbers, ply};
+use crate::camera::{Pinhole, RigidTransform};
 use crate::capture::folder::CaptureFolder;
+use crate::capture::left_out::LeftOut;
 use crate::capture::lens::{Distortion, Lens};
 use crate::capture::photos::photo_size;
 use crate::capture::pose_format::{Found, PoseFormat};
-use crate::capture::source::{Source, SourceView, checked_pose};
-use crate::text::quoted;
-use crate::{Error, Report, Result};
+use crate::capture::source::{Source, SourceView, checked_pose, first_paths};
+use crate::text::{self, quoted};
+use crate::{Report, Result, input_file};
 use glam::{DMat3, DVec3};
+use std::fs::File;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 /// Columns without which a CSV file is something else.
 const REQUIRED: [&str; 8] = ["name", "x", "y", "alt", "heading", "pitch", "roll", "f"];
+
+/// Names of the files of points that are read, without their extension, in this order.
+const POINTS: [&str; 3] = ["points", "points3d", "init"];
 
 /// Width of the film that focal lengths refer to.
 const FILM_MM: f64 = 36.0;
@@ -57,45 +64,45 @@ fn find_file(root: &Path) -> Option<PathBuf> {
     files.sort();
     files.into_iter().find(|p| {
         // A count of cameras may stand before the header.
-        read_text(p).is_ok_and(|text| text.lines().take(2).any(|l| header(l).is_some()))
+        input_file::check(p, u64::MAX).is_ok() && head(p).lines().take(2).any(|l| header(l).is_some())
     })
 }
 
-/// A row of the table, with errors that name its line.
+/// The beginning of a file: tables of other programs may have any size.
+fn head(path: &Path) -> String {
+    const HEAD_BYTES: u64 = 1 << 16;
+    let mut head = Vec::new();
+    // What cannot be read is no export.
+    let _ = File::open(path).and_then(|file| file.take(HEAD_BYTES).read_to_end(&mut head));
+    String::from_utf8_lossy(&head).into_owned()
+}
+
+/// A row of the table.
 struct Row<'a> {
-    path: &'a Path,
-    line_number: usize,
     columns: &'a [String],
     fields: Vec<&'a str>,
 }
 
 impl Row<'_> {
-    fn invalid(&self, what: impl std::fmt::Display) -> Error {
-        invalid!(self.path, "line {}: {what}", self.line_number)
-    }
-
     fn text(&self, column: &str) -> Option<&str> {
         let at = self.columns.iter().position(|c| c == column)?;
         self.fields.get(at).map(|f| f.trim().trim_matches('"')).filter(|f| !f.is_empty())
     }
 
-    fn number(&self, column: &str) -> Result<Option<f64>> {
+    fn number(&self, column: &str) -> Result<Option<f64>, String> {
         self.text(column)
             .map(|text| {
-                let value = text.parse().ok().filter(|v: &f64| v.is_finite());
-                value.ok_or_else(|| {
-                    self.invalid(format!("column {column:?} holds {}, expected a number", quoted(text)))
-                })
+                let value = numbers::parse(text).filter(|v| v.is_finite());
+                value.ok_or_else(|| format!("column {column:?} holds {}, expected a number", quoted(text)))
             })
             .transpose()
     }
 
-    fn required(&self, column: &str) -> Result<f64> {
-        self.number(column)?
-            .ok_or_else(|| self.invalid(format!("column {column:?} is empty, expected a number")))
+    fn required(&self, column: &str) -> Result<f64, String> {
+        self.number(column)?.ok_or_else(|| format!("column {column:?} is empty, expected a number"))
     }
 
-    fn or_zero(&self, column: &str) -> Result<f64> {
+    fn or_zero(&self, column: &str) -> Result<f64, String> {
         Ok(self.number(column)?.unwrap_or(0.0))
     }
 }
@@ -106,7 +113,7 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
     let photos = folder.images.clone().unwrap_or_else(|| folder.photos(inside));
     let mut source = Source::at(path);
     let mut columns: Option<Vec<String>> = None;
-    let mut num_k4 = 0;
+    let (mut total, mut left_out) = (0, LeftOut::default());
     for (index, line) in text.lines().enumerate() {
         let Some(columns) = &columns else {
             columns = header(line);
@@ -115,20 +122,38 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
         if line.trim().is_empty() {
             continue;
         }
-        let row = Row { path, line_number: index + 1, columns, fields: line.split(',').collect() };
-        let name = row.text("name").ok_or_else(|| row.invalid("the name is missing"))?.replace('\\', "/");
-        let pose = pose(&row)?;
+        total += 1;
+        let row = Row { columns, fields: line.split(',').collect() };
+        let name = row.text("name").unwrap_or_default().replace('\\', "/");
+        let element = format!("line {} ({})", index + 1, quoted(&name));
+        if name.is_empty() {
+            left_out.push(element, "the name is missing");
+            continue;
+        }
+        let camera_from_capture = match pose(&row) {
+            Ok(pose) => pose,
+            Err(problem) => {
+                left_out.push(element, problem);
+                continue;
+            }
+        };
         let Some(photo) = photos.find(&name)? else {
             source.without_photo.push(name);
             continue;
         };
-        num_k4 += usize::from(row.or_zero("k4")? != 0.0);
+        let lens = match lens(&row, photo_size(&photo)?) {
+            Ok(lens) => lens,
+            Err(problem) => {
+                left_out.push(element, problem);
+                continue;
+            }
+        };
         source.views.push(SourceView {
-            lens: lens(&row, photo_size(&photo)?)?,
+            lens,
             name,
             photo: Some(photo),
             mask: None,
-            camera_from_capture: pose,
+            camera_from_capture,
             split: None,
             observed: Vec::new(),
         });
@@ -136,31 +161,57 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
     if columns.is_none() {
         return Err(invalid!(path, "no header with the columns {}", REQUIRED.join(", ")));
     }
-    if num_k4 > 0 {
-        let what = format!("{}: k4 (r^8) of {num_k4} lenses is not supported and ignored", path.display());
-        source.report.warn("lens-term-dropped", num_k4, what);
-    }
+    left_out.finish(path, "views", total, &mut source.report)?;
+    read_points_beside(&folder.root, &mut source)?;
     Ok(source)
+}
+
+/// Reads the points that were exported beside the CSV, which names none. Other point clouds may be of another project, so
+/// they are only named.
+fn read_points_beside(root: &Path, source: &mut Source) -> Result<()> {
+    let mut clouds: Vec<PathBuf> = std::fs::read_dir(root)
+        .into_iter()
+        .flatten()
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .filter(|p| p.is_file() && p.extension().is_some_and(|e| e.eq_ignore_ascii_case("ply")))
+        .collect();
+    clouds.sort();
+    let is_named =
+        |cloud: &PathBuf, name: &str| cloud.file_stem().is_some_and(|stem| stem.eq_ignore_ascii_case(name));
+    let mut names = POINTS.iter();
+    if let Some(at) = names.find_map(|name| clouds.iter().position(|cloud| is_named(cloud, name))) {
+        let cloud = clouds.remove(at);
+        source.points = ply::read_points(&cloud)?;
+        source.points_file = Some(cloud);
+    }
+    if !clouds.is_empty() {
+        let what = format!(
+            "{} point clouds beside {} are not used: {}; \"--init ply:FILE\" starts from the points of one",
+            clouds.len(),
+            text::path(&source.path),
+            first_paths(&clouds)
+        );
+        source.report.warn("points-beside-not-used", clouds.len(), what);
+    }
+    Ok(())
 }
 
 /// Rotations about z by -heading, then x by pitch, then y by roll lead from the camera (x right, y up,
 /// z backward) to the capture, as nerfstudio reads the same export.
-fn pose(row: &Row<'_>) -> Result<crate::camera::RigidTransform> {
+fn pose(row: &Row<'_>) -> Result<RigidTransform, String> {
     let angle = |column: &str| row.required(column).map(f64::to_radians);
     let turn = DMat3::from_rotation_z(-angle("heading")?)
         * DMat3::from_rotation_x(angle("pitch")?)
         * DMat3::from_rotation_y(angle("roll")?);
     let axes = DMat3::from_cols(turn.x_axis, -turn.y_axis, -turn.z_axis);
     let centre = DVec3::new(row.required("x")?, row.required("y")?, row.required("alt")?);
-    let capture_from_camera =
-        checked_pose(axes, centre).map_err(|e| row.invalid(format!("the pose: {e}")))?;
-    Ok(capture_from_camera.inverse())
+    Ok(checked_pose(axes, centre).map_err(|e| format!("the pose: {e}"))?.inverse())
 }
 
-fn lens(row: &Row<'_>, (width_px, height_px): (u32, u32)) -> Result<Lens> {
-    let px_per_mm = f64::from(width_px.max(height_px)) / FILM_MM;
-    let focal_px = row.required("f")? * px_per_mm;
-    let k = [row.or_zero("k1")?, row.or_zero("k2")?, row.or_zero("k3")?, 0.0, 0.0, 0.0];
+fn lens(row: &Row<'_>, (width_px, height_px): (u32, u32)) -> Result<Lens, String> {
+    let longer_px = f64::from(width_px.max(height_px));
+    let focal_px = row.required("f")? * (longer_px / FILM_MM);
+    let k = [row.or_zero("k1")?, row.or_zero("k2")?, row.or_zero("k3")?, row.or_zero("k4")?];
     let p = [row.or_zero("t1")?, row.or_zero("t2")?];
     let any = k.iter().chain(&p).any(|&v| v != 0.0);
     let lens = Lens {
@@ -169,15 +220,12 @@ fn lens(row: &Row<'_>, (width_px, height_px): (u32, u32)) -> Result<Lens> {
             height_px,
             fx_px: focal_px,
             fy_px: focal_px,
-            cx_px: 0.5 * f64::from(width_px) + row.or_zero("px")? * px_per_mm,
-            cy_px: 0.5 * f64::from(height_px) + row.or_zero("py")? * px_per_mm,
+            cx_px: 0.5 * f64::from(width_px) + row.or_zero("px")? * longer_px,
+            cy_px: 0.5 * f64::from(height_px) + row.or_zero("py")? * longer_px,
         },
-        distortion: if any { Distortion::Radial { k, p } } else { Distortion::None },
+        distortion: if any { Distortion::Brown { k, p, shear: 0.0 } } else { Distortion::None },
     };
-    match lens.problem() {
-        Some(what) => Err(row.invalid(what)),
-        None => Ok(lens),
-    }
+    lens.problem().map_or(Ok(lens), Err)
 }
 
 #[cfg(test)]
@@ -200,7 +248,7 @@ mod tests {
     #[test]
     fn heading_is_clockwise_from_north_and_pitch_from_straight_down() {
         // Without any turn the camera looks down, its upper edge to the north (+y).
-        let rows = "a.png,1,2,3,0,0,0,20,1,-2,0,0,0,0,0,0\nb.png,0,0,0,90,90,0,20,0,0,0,0,0,0,0,0\n";
+        let rows = "a.png,1,2,3,0,0,0,20,0.0625,-0.125,0,0,0,0,0,0\nb.png,0,0,0,90,90,0,20,0,0,0,0,0,0,0,0\n";
         let capture = load(rows).unwrap();
         assert_eq!(capture.format.name(), FORMAT.name);
         let axes = |view: usize| capture.views[view].camera.camera_from_local.rotation.transpose();
@@ -212,8 +260,9 @@ mod tests {
         let centre = capture.views[0].camera.centre_in_local();
         let centre = capture.capture_from_local.transform_point(centre);
         assert!((centre - DVec3::new(1.0, 2.0, 3.0)).length() < 1e-12);
+        // Shares of the longer side, 36 px.
         let p = capture.views[0].camera.pinhole;
-        assert_eq!((p.fx_px, p.cx_px, p.cy_px), (20.0, 19.0, 7.0));
+        assert_eq!((p.fx_px, p.cx_px, p.cy_px), (20.0, 20.25, 4.5));
     }
 
     #[test]

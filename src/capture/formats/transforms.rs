@@ -1,15 +1,16 @@
 //! `transforms.json` of nerfstudio and instant-ngp, and `transforms_train.json` / `_test.json` of
 //! Blender scenes. Poses are OpenGL camera-to-world (x right, y up, z backward).
 
-use super::bytes::read_text;
+use super::json::{self, Number};
 use super::ply;
 use crate::camera::{Pinhole, RigidTransform};
 use crate::capture::folder::CaptureFolder;
+use crate::capture::left_out::LeftOut;
 use crate::capture::lens::{Distortion, Lens, Tilt};
 use crate::capture::photos::photo_size;
 use crate::capture::pose_format::{Found, PoseFormat};
 use crate::capture::source::{Source, SourceView, checked_pose};
-use crate::text::quoted;
+use crate::text::{self, quoted};
 use crate::views::Split;
 use crate::{Report, Result};
 use glam::{DMat3, DVec3};
@@ -22,30 +23,30 @@ use std::path::{Path, PathBuf};
 struct Intrinsics {
     camera_model: Option<String>,
     is_fisheye: Option<bool>,
-    camera_angle_x: Option<f64>,
-    camera_angle_y: Option<f64>,
-    fl_x: Option<f64>,
-    fl_y: Option<f64>,
-    cx: Option<f64>,
-    cy: Option<f64>,
+    camera_angle_x: Option<Number>,
+    camera_angle_y: Option<Number>,
+    fl_x: Option<Number>,
+    fl_y: Option<Number>,
+    cx: Option<Number>,
+    cy: Option<Number>,
     // Some tools write sizes as 1920.0.
-    w: Option<f64>,
-    h: Option<f64>,
-    k1: Option<f64>,
-    k2: Option<f64>,
-    k3: Option<f64>,
-    k4: Option<f64>,
-    k5: Option<f64>,
-    k6: Option<f64>,
-    p1: Option<f64>,
-    p2: Option<f64>,
+    w: Option<Number>,
+    h: Option<Number>,
+    k1: Option<Number>,
+    k2: Option<Number>,
+    k3: Option<Number>,
+    k4: Option<Number>,
+    k5: Option<Number>,
+    k6: Option<Number>,
+    p1: Option<Number>,
+    p2: Option<Number>,
 }
 
 #[derive(Debug, Deserialize)]
 struct Frame {
     file_path: String,
     mask_path: Option<String>,
-    transform_matrix: Vec<Vec<f64>>,
+    transform_matrix: Option<Vec<Vec<Number>>>,
     #[serde(flatten)]
     intrinsics: Intrinsics,
 }
@@ -98,23 +99,45 @@ fn read(files: &[(PathBuf, Option<Split>)], folder: &CaptureFolder) -> Result<So
     for (path, split) in files {
         read_one(path, *split, folder, &mut source)?;
     }
+    let is_brown = |v: &&SourceView| matches!(v.lens.distortion, Distortion::Brown { .. });
+    let num_brown = source.views.iter().filter(is_brown).count();
+    if num_brown > 0 {
+        let what = format!(
+            "{}: k4 of {num_brown} of {} views is taken for the r^8 term of Brown's lens, which converters from Metashape \
+             and RealityCapture write; with the camera_model FULL_OPENCV it is OpenCV's denominator",
+            text::path(&source.path),
+            source.views.len()
+        );
+        source.report.warn("brown-k4", num_brown, what);
+    }
     strip_common_folder(&mut source.views);
     Ok(source)
 }
 
 fn read_one(path: &Path, split: Option<Split>, folder: &CaptureFolder, source: &mut Source) -> Result<()> {
-    let file: File = serde_json::from_str(&read_text(path)?)
-        .map_err(|e| invalid!(path, "{e}; expected the JSON of nerfstudio, instant-ngp or Blender"))?;
+    let file: File = json::read(path, "the JSON of nerfstudio, instant-ngp or Blender")?;
+    let mut left_out = LeftOut::default();
     for (index, frame) in file.frames.iter().enumerate() {
         let element = format!("frames[{index}] ({})", quoted(&frame.file_path));
-        let camera_from_capture =
-            pose(&frame.transform_matrix).map_err(|e| invalid!(path, "{element}: transform_matrix: {e}"))?;
+        let camera_from_capture = match pose(frame.transform_matrix.as_deref()) {
+            Ok(pose) => pose,
+            Err(problem) => {
+                left_out.push(element, format!("transform_matrix: {problem}"));
+                continue;
+            }
+        };
         let Some(photo) = find_photo(folder, &frame.file_path)? else {
             source.without_photo.push(frame.file_path.clone());
             continue;
         };
         let intrinsics = frame.intrinsics.or(&file.intrinsics);
-        let lens = intrinsics.lens(path, &element, &photo)?;
+        let lens = match intrinsics.lens(path, &element, &photo)? {
+            Ok(lens) => lens,
+            Err(problem) => {
+                left_out.push(element, problem);
+                continue;
+            }
+        };
         let listed = file.test_filenames.as_ref().map(|names| {
             if names.iter().any(|n| plain(n) == plain(&frame.file_path)) { Split::Test } else { Split::Train }
         });
@@ -128,6 +151,7 @@ fn read_one(path: &Path, split: Option<Split>, folder: &CaptureFolder, source: &
             observed: Vec::new(),
         });
     }
+    left_out.finish(path, "views", file.frames.len(), &mut source.report)?;
     if let Some(ply) = &file.ply_file_path {
         let ply = folder.file(ply)?;
         source.points.extend(ply::read_points(&ply)?);
@@ -184,12 +208,13 @@ fn find_photo(folder: &CaptureFolder, file_path: &str) -> Result<Option<PathBuf>
 }
 
 /// camera_from_capture in OpenCV axes from an OpenGL camera-to-world matrix.
-fn pose(rows: &[Vec<f64>]) -> Result<RigidTransform, String> {
+fn pose(rows: Option<&[Vec<Number>]>) -> Result<RigidTransform, String> {
+    let rows = rows.ok_or("missing")?;
     if !matches!(rows.len(), 3 | 4) || rows.iter().any(|r| r.len() != 4) {
         let found: Vec<usize> = rows.iter().map(Vec::len).collect();
         return Err(format!("rows of {found:?} numbers found, expected 4 (or 3) rows of 4"));
     }
-    let column = |j: usize| DVec3::new(rows[0][j], rows[1][j], rows[2][j]);
+    let column = |j: usize| DVec3::new(rows[0][j].0, rows[1][j].0, rows[2][j].0);
     // y and z of the camera's axes change sign between OpenGL and OpenCV.
     let axes = DMat3::from_cols(column(0), -column(1), -column(2));
     Ok(checked_pose(axes, column(3))?.inverse())
@@ -220,45 +245,43 @@ impl Intrinsics {
         }
     }
 
-    fn lens(&self, path: &Path, element: &str, photo: &Path) -> Result<Lens> {
-        let invalid = |what: String| invalid!(path, "{element}: {what}");
+    /// The lens of a photo, or what is wrong with its numbers.
+    fn lens(&self, path: &Path, element: &str, photo: &Path) -> Result<Result<Lens, String>> {
         let (width_px, height_px) = match (self.w, self.h) {
-            (Some(w), Some(h)) => {
+            (Some(Number(w)), Some(Number(h))) => {
                 let whole = |v: f64| ((1.0..=1e6).contains(&v) && v.fract() == 0.0).then_some(v as u32);
                 match (whole(w), whole(h)) {
                     (Some(w), Some(h)) => (w, h),
-                    _ => return Err(invalid(format!("the size (w, h) is {:?}", (w, h)))),
+                    _ => return Ok(Err(format!("the size (w, h) is {:?}", (w, h)))),
                 }
             }
             _ => photo_size(photo)?,
         };
         let (w, h) = (f64::from(width_px), f64::from(height_px));
         let from_angle = |side: f64, angle: f64| 0.5 * side / (0.5 * angle).tan();
-        let fx_px = self.fl_x.or_else(|| self.camera_angle_x.map(|a| from_angle(w, a)));
+        let number = |value: Option<Number>| value.map(|Number(value)| value);
+        let fx_px = number(self.fl_x).or_else(|| self.camera_angle_x.map(|Number(a)| from_angle(w, a)));
         let Some(fx_px) = fx_px else {
-            return Err(invalid("no fl_x and no camera_angle_x, neither here nor for the file".to_owned()));
+            return Ok(Err("no fl_x and no camera_angle_x, neither here nor for the file".to_owned()));
         };
-        let fy_px = self.fl_y.or_else(|| self.camera_angle_y.map(|a| from_angle(h, a)));
+        let fy_px = number(self.fl_y).or_else(|| self.camera_angle_y.map(|Number(a)| from_angle(h, a)));
         let lens = Lens {
             pinhole: Pinhole {
                 width_px,
                 height_px,
                 fx_px,
                 fy_px: fy_px.unwrap_or(fx_px),
-                cx_px: self.cx.unwrap_or(0.5 * w),
-                cy_px: self.cy.unwrap_or(0.5 * h),
+                cx_px: number(self.cx).unwrap_or(0.5 * w),
+                cy_px: number(self.cy).unwrap_or(0.5 * h),
             },
             distortion: self.distortion(path, element)?,
         };
-        match lens.problem() {
-            Some(what) => Err(invalid(what)),
-            None => Ok(lens),
-        }
+        Ok(lens.problem().map_or(Ok(lens), Err))
     }
 
     fn distortion(&self, path: &Path, element: &str) -> Result<Distortion> {
-        let k = [self.k1, self.k2, self.k3, self.k4, self.k5, self.k6].map(|v| v.unwrap_or(0.0));
-        let p = [self.p1, self.p2].map(|v| v.unwrap_or(0.0));
+        let k = [self.k1, self.k2, self.k3, self.k4, self.k5, self.k6].map(|v| v.map_or(0.0, |v| v.0));
+        let p = [self.p1, self.p2].map(|v| v.map_or(0.0, |v| v.0));
         let fisheye = Distortion::Fisheye { k: [k[0], k[1], k[2], k[3], 0.0, 0.0], tilt: Tilt::None };
         match self.camera_model.as_deref() {
             Some("OPENCV_FISHEYE") => return Ok(fisheye),
@@ -276,7 +299,42 @@ impl Intrinsics {
         if self.is_fisheye == Some(true) {
             return Ok(fisheye);
         }
+        // Of these names only FULL_OPENCV stands for OpenCV's model with eight coefficients; k4 without the two that belong
+        // to it there comes from converters of programs that know Brown's model only.
+        if self.camera_model.as_deref() != Some("FULL_OPENCV") && k[3] != 0.0 && k[4..] == [0.0; 2] {
+            return Ok(Distortion::Brown { k: [k[0], k[1], k[2], k[3]], p, shear: 0.0 });
+        }
         let any = k.iter().chain(&p).any(|&v| v != 0.0);
         Ok(if any { Distortion::Radial { k, p } } else { Distortion::None })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn distortion(json: &str) -> Distortion {
+        let intrinsics: Intrinsics = serde_json::from_str(json).unwrap();
+        intrinsics.distortion(Path::new("transforms.json"), "frames[0]").unwrap()
+    }
+
+    #[test]
+    fn k4_is_browns_unless_the_denominator_is_whole_or_the_model_says_so() {
+        let brown = Distortion::Brown { k: [0.1, 0.0, 0.0, 0.2], p: [0.0; 2], shear: 0.0 };
+        for model in
+            ["", r#""camera_model": "OPENCV", "#, r#""camera_model": "OPENCV", "k5": 0, "k6": 0.0, "#]
+        {
+            assert_eq!(distortion(&format!(r#"{{{model}"k1": 0.1, "k4": 0.2}}"#)), brown, "{model}");
+        }
+        for (rest, k) in [
+            (r#""k4": 0.2, "k5": 0.3"#, [0.1, 0.0, 0.0, 0.2, 0.3, 0.0]),
+            (r#""k4": 0.2, "camera_model": "FULL_OPENCV""#, [0.1, 0.0, 0.0, 0.2, 0.0, 0.0]),
+            (r#""k4": 0"#, [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]),
+        ] {
+            let taken = distortion(&format!(r#"{{"k1": 0.1, {rest}}}"#));
+            assert_eq!(taken, Distortion::Radial { k, p: [0.0; 2] }, "negative control: {rest}");
+        }
+        let fisheye = distortion(r#"{"k1": 0.1, "k4": 0.2, "camera_model": "OPENCV_FISHEYE"}"#);
+        assert!(matches!(fisheye, Distortion::Fisheye { .. }));
     }
 }

@@ -1,0 +1,124 @@
+//! JSON with what Python and C++ write into it for numbers that are none: `NaN`, `-Infinity`, `-nan(ind)`, `1e999`.
+
+use super::bytes::read_text;
+use super::numbers;
+use crate::Result;
+use serde::de::{Deserializer, Error, Visitor};
+use serde::{Deserialize, de};
+use std::borrow::Cow;
+use std::fmt;
+use std::path::Path;
+
+/// Reads a JSON file; `expected` says in the error what it should have been.
+pub(crate) fn read<T: de::DeserializeOwned>(path: &Path, expected: &str) -> Result<T> {
+    serde_json::from_str(&quoted_tokens(&read_text(path)?))
+        .map_err(|e| invalid!(path, "{e}; expected {expected}"))
+}
+
+/// A number that may be NaN or infinite, which JSON cannot express: as a string, or null.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Number(pub f64);
+
+impl<'de> Deserialize<'de> for Number {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Any;
+        impl Visitor<'_> for Any {
+            type Value = Number;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a number")
+            }
+
+            fn visit_f64<E: Error>(self, value: f64) -> Result<Number, E> {
+                Ok(Number(value))
+            }
+
+            fn visit_i64<E: Error>(self, value: i64) -> Result<Number, E> {
+                Ok(Number(value as f64))
+            }
+
+            fn visit_u64<E: Error>(self, value: u64) -> Result<Number, E> {
+                Ok(Number(value as f64))
+            }
+
+            fn visit_str<E: Error>(self, text: &str) -> Result<Number, E> {
+                numbers::parse(text)
+                    .map(Number)
+                    .ok_or_else(|| E::invalid_value(de::Unexpected::Str(text), &self))
+            }
+
+            fn visit_unit<E: Error>(self) -> Result<Number, E> {
+                Ok(Number(f64::NAN))
+            }
+        }
+        deserializer.deserialize_any(Any)
+    }
+}
+
+/// The text with tokens for NaN and infinity in quotes, which makes it JSON; everything else as it is.
+fn quoted_tokens(text: &str) -> Cow<'_, str> {
+    let is_of_token = |b: u8| b.is_ascii_alphanumeric() || b"+-.#()_".contains(&b);
+    let bytes = text.as_bytes();
+    let (mut out, mut copied, mut at) = (String::new(), 0, 0);
+    while at < bytes.len() {
+        if bytes[at] == b'"' {
+            at = end_of_string(bytes, at);
+            continue;
+        }
+        let length = bytes[at..].iter().take_while(|&&b| is_of_token(b)).count();
+        // `None` within a character of several bytes, which belongs to no token.
+        let token = text.get(at..at + length).unwrap_or_default();
+        if numbers::parse(token).is_some_and(|value| !value.is_finite()) {
+            out.push_str(&text[copied..at]);
+            out.extend(["\"", token, "\""]);
+            copied = at + length;
+        }
+        at += length.max(1);
+    }
+    if copied == 0 {
+        return Cow::Borrowed(text);
+    }
+    out.push_str(&text[copied..]);
+    Cow::Owned(out)
+}
+
+/// The byte after the string that begins at `start`.
+fn end_of_string(bytes: &[u8], start: usize) -> usize {
+    let mut at = start + 1;
+    while at < bytes.len() && bytes[at] != b'"' {
+        at += if bytes[at] == b'\\' { 2 } else { 1 };
+    }
+    at + 1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_numbers_that_are_none_are_quoted() {
+        let plain = r#"{"a": [1, -2.5e3, true, null], "NaN, \" NaN": "é NaN"}"#;
+        assert!(matches!(quoted_tokens(plain), Cow::Borrowed(text) if text == plain), "negative control");
+        for token in ["NaN", "-Infinity", "nan", "inf", "-nan(ind)", "1e999", "-1.#IND"] {
+            let text = format!(r#"{{"NaN": ["é", {token},1.5 , {token}]}}"#);
+            assert_eq!(quoted_tokens(&text), format!(r#"{{"NaN": ["é", "{token}",1.5 , "{token}"]}}"#));
+        }
+        for text in ["", "\"", "\"a\\", "NaN", "[é", "{NaN: \"\\"] {
+            let _ = quoted_tokens(text);
+        }
+    }
+
+    #[test]
+    fn numbers_are_read_from_all_that_stands_for_one() {
+        let read = |text: &str| serde_json::from_str::<Vec<Number>>(text).map(|v| v[0].0);
+        assert_eq!(read("[0.1]").unwrap(), 0.1);
+        assert_eq!(
+            (read("[3]").unwrap(), read("[-3]").unwrap(), read("[\"2.5\"]").unwrap()),
+            (3.0, -3.0, 2.5)
+        );
+        assert!(read("[null]").unwrap().is_nan() && read("[\"-nan(ind)\"]").unwrap().is_nan());
+        assert!(read("[\"x\"]").is_err() && read("[{}]").is_err(), "negative control");
+        let absent: Option<Number> = serde_json::from_str("null").unwrap();
+        assert_eq!(absent, None);
+    }
+}

@@ -1,0 +1,257 @@
+//! The XML of Agisoft Metashape and PhotoScan ("Export Cameras"): sensors, components and cameras of a chunk.
+//!
+//! The transform of a camera is `chunk_from_camera`, 4 x 4 by rows, of a camera with x to the right, y down and z forward.
+//! Its component, or else the chunk, may have a similarity `capture_from_chunk`: rotation by rows, translation and scale.
+//! Of an export with geographic coordinates the capture is geocentric (ECEF). All this follows from a published export of
+//! a survey flight (the test below), whose photos state where they were taken: read as here, the camera is 4 cm from
+//! there and looks down; with rows for columns it is 190 m away. In local coordinates z is up; without a similarity the
+//! chunk's axes are arbitrary. Lenses are in `metashape_lens.rs`.
+
+use super::axes::{from_opencv, from_rows};
+use super::lookup::{begins_with_all, files, find as find_photo, photo_folder};
+use super::metashape_lens::lens;
+use super::unused::Unused;
+use super::xml::{self, child, numbers, text_of};
+use crate::camera::RigidTransform;
+use crate::capture::folder::CaptureFolder;
+use crate::capture::left_out::LeftOut;
+use crate::capture::lens::Lens;
+use crate::capture::pose_format::{Found, PoseFormat};
+use crate::capture::source::{Source, SourceView};
+use crate::text::quoted;
+use crate::{Report, Result};
+use glam::{DMat3, DVec3};
+use roxmltree::Node;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+/// See [`PoseFormat`].
+pub(crate) const FORMAT: PoseFormat = PoseFormat {
+    name: "metashape",
+    help: "XML export of cameras from Agisoft Metashape",
+    files: "Metashape's cameras (.xml)",
+    has_observations: false,
+    find,
+};
+
+/// Distances from the centre of the earth, in metres, at which coordinates are taken to be geocentric.
+const NEAR_EARTH_M: std::ops::Range<f64> = 6.3e6..6.45e6;
+
+/// Squared ratio of the earth's axes (WGS84), for the normal of the ellipsoid.
+const AXES_RATIO_2: f64 = 1.006_739_496_742_276_5;
+
+fn find(path: &Path, _: &mut Report) -> Option<Found> {
+    let is_xml = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("xml"));
+    let (root, candidates) = match path.is_file() {
+        true if !is_xml => return None,
+        true => (path.parent().unwrap_or(Path::new("")), vec![path.to_owned()]),
+        false => (path, files(path, "xml", 0)),
+    };
+    let file: PathBuf = candidates.into_iter().find(|p| begins_with_all(p, &["<document", "<chunk"]))?;
+    Some(Found { root: root.to_owned(), read: Box::new(move |folder| read(&file, folder)) })
+}
+
+/// A similarity: `in_capture = rotation * scale * in_chunk + translation`.
+struct Placement {
+    rotation: DMat3,
+    translation: DVec3,
+    scale: f64,
+}
+
+impl Placement {
+    /// From an element with `rotation`, `translation` and `scale`, each of which may be missing.
+    fn of(transform: Node<'_, '_>) -> Result<Self, String> {
+        let text =
+            |name: &str, default: &'static str| child(transform, name).map_or(default, text_of).to_owned();
+        let named = |name: &'static str| move |what: String| format!("{name} of a transform: {what}");
+        let rotation = numbers::<9>(&text("rotation", "1 0 0 0 1 0 0 0 1")).map_err(named("rotation"))?;
+        let translation = numbers::<3>(&text("translation", "0 0 0")).map_err(named("translation"))?;
+        let [scale] = numbers::<1>(&text("scale", "1")).map_err(named("scale"))?;
+        if scale <= 0.0 {
+            return Err(format!("the scale of a transform is {scale}"));
+        }
+        Ok(Self {
+            rotation: DMat3::from_cols_array(&rotation).transpose(),
+            translation: translation.into(),
+            scale,
+        })
+    }
+}
+
+/// A chunk, whose cameras were aligned together, and its parts by their ids.
+struct Chunk<'a, 'input> {
+    sensors: BTreeMap<&'a str, Node<'a, 'input>>,
+    components: BTreeMap<&'a str, Option<Placement>>,
+    /// Of cameras whose component has none.
+    placement: Option<Placement>,
+    is_local: bool,
+    cameras: Vec<Node<'a, 'input>>,
+}
+
+impl<'a, 'input> Chunk<'a, 'input> {
+    fn of(chunk: Node<'a, 'input>) -> Result<Self, String> {
+        let by_id = |parent: &str, name: &'static str| {
+            let nodes = child(chunk, parent).into_iter().flat_map(|p| p.descendants());
+            nodes.filter(move |n| n.has_tag_name(name)).map(|n| (n.attribute("id").unwrap_or_default(), n))
+        };
+        let placement = |node: Node<'_, '_>| child(node, "transform").map(Placement::of).transpose();
+        Ok(Self {
+            sensors: by_id("sensors", "sensor").collect(),
+            components: by_id("components", "component")
+                .map(|(id, component)| Ok((id, placement(component)?)))
+                .collect::<Result<_, String>>()?,
+            placement: placement(chunk)?,
+            is_local: child(chunk, "reference").is_some_and(|r| text_of(r).starts_with("LOCAL_CS")),
+            cameras: by_id("cameras", "camera").map(|(_, camera)| camera).collect(),
+        })
+    }
+
+    fn placement(&self, camera: Node<'_, '_>) -> Option<&Placement> {
+        let own = camera.attribute("component_id").and_then(|id| self.components.get(id));
+        own.and_then(Option::as_ref).or(self.placement.as_ref())
+    }
+
+    /// Cameras that are aligned with each other: all whose components are placed in the capture, or else the largest
+    /// component.
+    fn aligned(&self) -> Vec<Node<'a, 'input>> {
+        let posed = || self.cameras.iter().copied().filter(|c| child(*c, "transform").is_some());
+        let mut unplaced = BTreeMap::<&str, usize>::new();
+        for camera in posed().filter(|c| self.placement(*c).is_none()) {
+            *unplaced.entry(camera.attribute("component_id").unwrap_or_default()).or_default() += 1;
+        }
+        let num_placed = posed().count() - unplaced.values().sum::<usize>();
+        // Of equals, the first.
+        let largest =
+            unplaced.iter().rev().max_by_key(|(_, count)| **count).filter(|(_, count)| **count > num_placed);
+        posed()
+            .filter(|c| match largest {
+                Some((id, _)) => {
+                    self.placement(*c).is_none() && c.attribute("component_id").unwrap_or_default() == *id
+                }
+                None => self.placement(*c).is_some(),
+            })
+            .collect()
+    }
+
+    fn pose(&self, camera: Node<'_, '_>) -> Result<RigidTransform, String> {
+        let m = numbers::<16>(child(camera, "transform").map_or("", text_of))
+            .map_err(|e| format!("its transform: {e}"))?;
+        let axes = from_rows([[m[0], m[1], m[2]], [m[4], m[5], m[6]], [m[8], m[9], m[10]]]);
+        let centre = DVec3::new(m[3], m[7], m[11]);
+        match self.placement(camera) {
+            Some(Placement { rotation, translation, scale }) => {
+                from_opencv(*rotation * axes, *rotation * (centre * *scale) + *translation)
+            }
+            None => from_opencv(axes, centre),
+        }
+    }
+
+    /// The direction that the coordinates of the capture state as up.
+    fn up(&self, views: &[SourceView]) -> Option<DVec3> {
+        let is_placed = self.placement.is_some() || self.components.values().any(Option::is_some);
+        if views.is_empty() || !is_placed {
+            return None;
+        }
+        let centres = views.iter().map(|v| v.camera_from_capture.origin_of_a_in_b());
+        let centre = centres.sum::<DVec3>() / views.len() as f64;
+        let is_geocentric = !self.is_local && NEAR_EARTH_M.contains(&centre.length());
+        let normal = DVec3::new(centre.x, centre.y, centre.z * AXES_RATIO_2);
+        Some(if is_geocentric { normal.normalize() } else { DVec3::Z })
+    }
+}
+
+fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
+    let text = xml::read(path)?;
+    let document = xml::parse(path, &text)?;
+    let mut source = Source::at(path);
+    let chunk = Chunk::of(largest_chunk(path, document.root_element(), &mut source.report)?)
+        .map_err(|e| invalid!(path, "{e}; export the cameras again"))?;
+    let photos = photo_folder(folder, &["images"]);
+    let (mut left_out, mut unused) = (LeftOut::default(), Unused::default());
+    let mut lenses = BTreeMap::<&str, Result<Lens, String>>::new();
+    let aligned: BTreeSet<usize> = chunk.aligned().iter().map(|c| c.id().get_usize()).collect();
+    let mut num_apart = 0;
+    for &camera in &chunk.cameras {
+        let label = camera.attribute("label").unwrap_or_default();
+        if child(camera, "transform").is_none() {
+            unused.unposed.push(label.to_owned());
+            continue;
+        }
+        if matches!(camera.attribute("enabled"), Some("false" | "0")) {
+            unused.disabled.push(label.to_owned());
+            continue;
+        }
+        if !aligned.contains(&camera.id().get_usize()) {
+            num_apart += 1;
+            continue;
+        }
+        let id = camera.attribute("sensor_id").unwrap_or_default();
+        if !lenses.contains_key(id) {
+            let lens = match chunk.sensors.get(id) {
+                Some(sensor) => lens(path, *sensor, &mut source.report)?,
+                None => Err(format!("it refers to sensor {}, which is not there", quoted(id))),
+            };
+            lenses.insert(id, lens);
+        }
+        let usable = chunk.pose(camera).and_then(|pose| Ok((pose, lenses[id].clone()?)));
+        let (camera_from_capture, lens) = match usable {
+            Ok(usable) => usable,
+            Err(what) => {
+                left_out.push(format!("camera {}", quoted(label)), what);
+                continue;
+            }
+        };
+        let Some((name, photo)) = find_photo(&photos, label)? else {
+            source.without_photo.push(label.to_owned());
+            continue;
+        };
+        source.views.push(SourceView {
+            name,
+            photo: Some(photo),
+            mask: None,
+            lens,
+            camera_from_capture,
+            split: None,
+            observed: Vec::new(),
+        });
+    }
+    if num_apart > 0 {
+        let what = format!(
+            "{num_apart} cameras are in other components than the largest and are left out: align them in Metashape"
+        );
+        source.report.warn("cameras-in-other-components", num_apart, what);
+    }
+    let total = source.views.len() + source.without_photo.len() + left_out.count();
+    left_out.finish(path, "views", total, &mut source.report)?;
+    unused.report(&mut source.report);
+    source.stated_up = chunk.up(&source.views);
+    Ok(source)
+}
+
+/// The chunk with the most posed cameras.
+fn largest_chunk<'a, 'input>(
+    path: &Path,
+    root: Node<'a, 'input>,
+    report: &mut Report,
+) -> Result<Node<'a, 'input>> {
+    let num_posed = |chunk: &Node<'_, '_>| {
+        chunk.descendants().filter(|n| n.has_tag_name("camera") && child(*n, "transform").is_some()).count()
+    };
+    let chunks: Vec<_> =
+        root.children().filter(|n| n.has_tag_name("chunk")).map(|n| (num_posed(&n), n)).collect();
+    // Of equals, the first.
+    let Some((count, largest)) = chunks.iter().rev().max_by_key(|(count, _)| *count) else {
+        return Err(invalid!(path, "no chunk; expected the XML that Metashape writes with Export Cameras"));
+    };
+    let others = chunks.iter().filter(|(count, n)| n != largest && *count > 0).count();
+    if others > 0 {
+        let label = quoted(largest.attribute("label").unwrap_or_default());
+        let what = format!("{others} other chunks are not used; {label} has the most cameras ({count})");
+        report.warn("several-chunks", others, what);
+    }
+    Ok(*largest)
+}
+
+#[cfg(test)]
+#[path = "metashape_tests.rs"]
+mod tests;

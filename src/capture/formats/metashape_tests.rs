@@ -1,0 +1,220 @@
+use super::*;
+use crate::capture::lens::Distortion;
+use crate::capture::{Capture, LoadOptions};
+use glam::DVec2;
+use tempfile::{TempDir, tempdir};
+
+/// An excerpt of an export of Metashape 2 (a survey flight of a DJI Mavic 3M), published as a test of open-forest-
+/// observatory/geograypher.
+const SURVEY: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
+<document version="2.0.0">
+  <chunk label="Chunk 1" enabled="true">
+    <sensors next_id="1">
+      <sensor id="0" label="M3M (12.29mm)" type="frame">
+        <resolution width="5280" height="3956"/>
+        <property name="layer_index" value="0"/>
+        <calibration type="frame" class="adjusted">
+          <resolution width="5280" height="3956"/>
+          <f>3705.4728792737214</f>
+          <cx>11.6738523909</cx>
+          <cy>-27.7497969199</cy>
+          <b1>0.5262024073</b1>
+          <b2>-0.3058334293</b2>
+          <k1>-0.0919367147</k1>
+          <k2>-0.0762807468</k2>
+          <k3>0.1162639394</k3>
+          <k4>-0.0761413904</k4>
+          <p1>-0.0003134847</p1>
+          <p2>0.0001164035</p2>
+        </calibration>
+      </sensor>
+    </sensors>
+    <components next_id="1" active_id="0">
+      <component id="0" label="Component 1">
+        <transform>
+          <rotation locked="true">0.8710699454 0.3070967021 -0.3833128821 -0.4909742007 0.5658364395 -0.6623997719 0.0134716110 0.7651932691 0.6436596744</rotation>
+          <translation locked="true">-2499366.429888 -4256836.520906 4029217.965003</translation>
+          <scale locked="true">12.354192447331316</scale>
+        </transform>
+      </component>
+    </components>
+    <cameras next_id="816" next_group_id="2">
+      <group id="0" label="Group 1" type="folder">
+        <camera id="0" sensor_id="0" component_id="0" label="/home/user/image_sets/0001/nadir/000001/000001-01/00/000001-01_00001.JPG">
+          <transform>-0.99988146 -0.00872749 0.01268391 7.04224697 -0.00842932 0.99969124 0.02337453 7.05403071 -0.01288400 0.02326485 -0.99964631 0.43561421 0 0 0 1</transform>
+          <orientation>1</orientation>
+          <reference x="-120.417985477" y="39.411917469999999" z="2420.1089999999999" yaw="179.90000000000001" pitch="0.099999999999993788" roll="-0" enabled="true" rotation_enabled="false"/>
+        </camera>
+      </group>
+    </cameras>
+  </chunk>
+</document>
+"#;
+
+/// Reads a document in a folder with these photos.
+fn source(xml: &str, photos: &[&str]) -> Result<Source> {
+    let folder = tempdir().unwrap();
+    for name in photos {
+        std::fs::write(folder.path().join(name), b"").unwrap();
+    }
+    let path = folder.path().join("cameras.xml");
+    std::fs::write(&path, xml).unwrap();
+    read(&path, &CaptureFolder::new(folder.path(), None, false).unwrap())
+}
+
+/// Geocentric position of a longitude, latitude (degrees) and height (m) on WGS84.
+fn geocentric(longitude: f64, latitude: f64, height: f64) -> (DVec3, DVec3) {
+    let (lon, lat) = (longitude.to_radians(), latitude.to_radians());
+    let up = DVec3::new(lat.cos() * lon.cos(), lat.cos() * lon.sin(), lat.sin());
+    let flattening = 1.0 / 298.257_223_563;
+    let e2 = flattening * (2.0 - flattening);
+    let n = 6_378_137.0 / (1.0 - e2 * lat.sin().powi(2)).sqrt();
+    ((n + height) * up - DVec3::Z * (n * e2 * lat.sin()), up)
+}
+
+#[test]
+fn an_export_of_a_survey_flight_puts_the_camera_where_its_photo_was_taken() {
+    let source = source(SURVEY, &["000001-01_00001.JPG"]).unwrap();
+    let view = &source.views[0];
+    assert_eq!(view.name, "000001-01_00001.JPG");
+    let (expected, up) = geocentric(-120.417985477, 39.41191747, 2420.109);
+    // Measured: 0.04 m; with the rotation by columns 189 m.
+    let centre = view.camera_from_capture.origin_of_a_in_b();
+    assert!(centre.distance(expected) < 0.1, "{}", centre.distance(expected));
+    // The photo was taken straight down, with yaw 180: its lower edge to the north.
+    let axes = view.camera_from_capture.rotation.transpose();
+    assert!((axes * DVec3::Z).dot(up) < -0.999);
+    let north = (DVec3::Z - up * up.z).normalize();
+    assert!((axes * DVec3::Y).dot(north) > 0.99);
+    assert!(source.stated_up.unwrap().dot(up) > 1.0 - 1e-8);
+}
+
+#[test]
+fn lenses_follow_the_formulas_of_the_manual() {
+    let lens = source(SURVEY, &["000001-01_00001.JPG"]).unwrap().views[0].lens;
+    let (x, y) = (0.6_f64, -0.4_f64);
+    let r2 = x * x + y * y;
+    let (f, b1, b2) = (3705.4728792737214, 0.5262024073, -0.3058334293);
+    let (p1, p2) = (-0.0003134847, 0.0001164035);
+    let radial = 1.0 - 0.0919367147 * r2 - 0.0762807468 * r2.powi(2) + 0.1162639394 * r2.powi(3)
+        - 0.0761413904 * r2.powi(4);
+    let xd = x * radial + p1 * (r2 + 2.0 * x * x) + 2.0 * p2 * x * y;
+    let yd = y * radial + p2 * (r2 + 2.0 * y * y) + 2.0 * p1 * x * y;
+    let expected = DVec2::new(
+        0.5 * 5280.0 + 11.6738523909 + xd * f + xd * b1 + yd * b2,
+        0.5 * 3956.0 - 27.7497969199 + yd * f,
+    );
+    let d = lens.distortion.distort(DVec2::new(x, y));
+    let c = lens.pinhole;
+    let got = DVec2::new(d.x * c.fx_px + c.cx_px, d.y * c.fy_px + c.cy_px);
+    assert!((got - expected).length() < 1e-9, "{got} {expected}");
+    // Negative control: OpenCV's order of p1 and p2 is 0.7 px away.
+    let Distortion::Brown { k, p, shear } = lens.distortion else { panic!("{lens:?}") };
+    let other = Distortion::Brown { k, p: [p[1], p[0]], shear }.distort(DVec2::new(x, y));
+    assert!((other - d).length() * f > 0.5);
+}
+
+#[test]
+fn old_calibrations_count_from_the_corner() {
+    // The sensor of an export of PhotoScan 1.2 (hollydinkel/astrobeecd).
+    let old = "<resolution width='1280' height='960'/><fx>603.78877</fx><fy>602.11334</fy><cx>575.92329</cx><cy>495.30887</cy>";
+    let text =
+        small("", &format!("<calibration type='frame' class='adjusted'>{old}</calibration>"), &["", ""]);
+    let lens = source(&text, &["0.png", "1.png"]).unwrap().views[0].lens;
+    let c = lens.pinhole;
+    assert_eq!((c.fx_px, c.fy_px, c.cx_px, c.cy_px), (603.78877, 602.11334, 575.92329, 495.30887));
+    assert_eq!(lens.distortion, Distortion::None);
+}
+
+const CALIBRATION: &str =
+    "<calibration type='frame'><resolution width='8' height='6'/><f>8</f></calibration>";
+
+/// A chunk with these cameras, given by attributes, with centres 0, 1, 2 ... along x.
+fn small(components: &str, calibration: &str, cameras: &[&str]) -> String {
+    let cameras: String = cameras
+        .iter()
+        .enumerate()
+        .map(|(i, attributes)| {
+            format!(
+                "<camera id='{i}' sensor_id='0' label='{i}' {attributes}><transform>1 0 0 {i} 0 1 0 0 0 0 1 0 0 0 0 1\
+                 </transform></camera>"
+            )
+        })
+        .collect();
+    format!(
+        "<document><chunk label='c'><sensors><sensor id='0' label='s' type='frame'>{calibration}</sensor></sensors>\
+         {components}<cameras>{cameras}<camera id='9' sensor_id='0' label='9'/></cameras></chunk></document>"
+    )
+}
+
+fn warnings(source: &Source) -> Vec<&str> {
+    source.report.warnings.iter().map(|w| w.code.as_str()).collect()
+}
+
+#[test]
+fn cameras_without_pose_or_in_other_components_are_counted() {
+    let photos = ["0.png", "1.png", "2.png", "3.png"];
+    let component = |id: u32, inside: &str| format!("<component id='{id}'>{inside}</component>");
+    let two = |a: &str, b: &str| format!("<components>{}{}</components>", component(0, a), component(1, b));
+    let cameras =
+        ["component_id='0'", "component_id='1'", "component_id='1'", "component_id='1' enabled='false'"];
+    let apart = source(&small(&two("", ""), CALIBRATION, &cameras), &photos).unwrap();
+    assert_eq!(apart.views.iter().map(|v| v.name.as_str()).collect::<Vec<_>>(), ["1.png", "2.png"]);
+    assert_eq!(warnings(&apart), ["cameras-in-other-components", "cameras-without-pose", "cameras-disabled"]);
+    assert_eq!(apart.stated_up, None, "the axes of a chunk are arbitrary");
+    // Both placed in the capture: nothing is left out of it, z is up, scale and translation count.
+    let placed = "<transform><rotation>0 -1 0 1 0 0 0 0 1</rotation><translation>5 0 0</translation><scale>2</scale></transform>";
+    let together = source(&small(&two(placed, placed), CALIBRATION, &cameras), &photos).unwrap();
+    assert_eq!((together.views.len(), together.stated_up), (3, Some(DVec3::Z)));
+    let centre = together.views[1].camera_from_capture.origin_of_a_in_b();
+    assert!(centre.distance(DVec3::new(5.0, 2.0, 0.0)) < 1e-12, "{centre}");
+    // One placed: the larger part of both.
+    let mixed = source(&small(&two(placed, ""), CALIBRATION, &cameras), &photos).unwrap();
+    assert_eq!(mixed.views.len(), 2);
+}
+
+#[test]
+fn other_lenses_and_broken_cameras_are_named() {
+    let error = |xml: &str| source(xml, &["0.png", "1.png"]).unwrap_err();
+    let fisheye = small("", &CALIBRATION.replace("frame", "fisheye"), &["", ""]);
+    let text = error(&fisheye).to_string();
+    assert!(text.contains("\"fisheye\"") && text.contains("Undistort Photos"), "{text}");
+    assert_eq!(error(&fisheye).exit_code(), 4);
+    for (calibration, what) in [
+        ("<calibration/>", "the width of its resolution"),
+        ("", "has no calibration"),
+        (
+            "<calibration><resolution width='8' height='6'/><f>-8</f></calibration>",
+            "focal length along x is -8",
+        ),
+        (
+            "<calibration><resolution width='8' height='6'/><f>nan</f></calibration>",
+            "f: \"nan\" is no number",
+        ),
+    ] {
+        let text = error(&small("", calibration, &["", ""])).to_string();
+        assert!(text.contains(what) && text.contains("cameras.xml"), "{text}");
+    }
+    let zero = small("", CALIBRATION, &["", ""]).replace("1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1", &"0 ".repeat(16));
+    assert!(
+        error(&zero).to_string().contains("camera \"0\": its matrix is not a rotation"),
+        "{}",
+        error(&zero)
+    );
+    assert!(error("<document><a/></document>").to_string().contains("no chunk"));
+}
+
+#[test]
+fn the_file_may_be_named_and_has_any_name() {
+    let folder: TempDir = tempdir().unwrap();
+    for name in ["0.png", "1.png"] {
+        image::RgbImage::new(8, 6).save(folder.path().join(name)).unwrap();
+    }
+    std::fs::write(folder.path().join("a.xml"), "<calibration/>").unwrap();
+    let path = folder.path().join("scan.XML");
+    std::fs::write(&path, small("", CALIBRATION, &["", ""])).unwrap();
+    for named in [folder.path(), &path] {
+        let capture = Capture::load(named, &LoadOptions::default()).unwrap();
+        assert_eq!((capture.format.name(), capture.views.len()), ("metashape", 2));
+    }
+}

@@ -1,0 +1,128 @@
+//! The raw data of Polycam: a JSON for each photo of `keyframes`.
+//!
+//! As the README of PolyCam/polyform specifies: `t_00` to `t_23` is `capture_from_camera` by rows, in metres, of a camera
+//! with x to the right, y up and z backward (ARKit); +y is up. fx, fy, cx, cy are in pixels, cx and cy from the corner.
+//! `corrected_cameras` belong to the undistorted `corrected_images`, and are better; `cameras` to `images`. Newer versions
+//! leave out width and height of corrected cameras.
+
+use super::axes::{from_opengl, from_rows};
+use super::lookup::{begins_with_all, files};
+use crate::camera::Pinhole;
+use crate::capture::folder::CaptureFolder;
+use crate::capture::left_out::LeftOut;
+use crate::capture::lens::{Distortion, Lens};
+use crate::capture::photos::photo_size;
+use crate::capture::pose_format::{Found, PoseFormat};
+use crate::capture::source::{Source, SourceView};
+use crate::text::quoted;
+use crate::{Report, Result, input_file};
+use glam::DVec3;
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+
+/// See [`PoseFormat`].
+pub(crate) const FORMAT: PoseFormat = PoseFormat {
+    name: "polycam",
+    help: "raw data of Polycam",
+    files: "Polycam's keyframes",
+    has_observations: false,
+    find,
+};
+
+/// Folders of the cameras and of their photos, the better ones first.
+const FOLDERS: [(&str, &str); 2] = [("corrected_cameras", "corrected_images"), ("cameras", "images")];
+
+/// A file holds some 40 numbers.
+const FILE_BYTES_MAX: u64 = 1 << 20;
+
+#[derive(Deserialize)]
+struct Camera {
+    fx: f64,
+    fy: f64,
+    cx: f64,
+    cy: f64,
+    // Whole numbers that some versions write as 1024.0.
+    width: Option<f64>,
+    height: Option<f64>,
+    t_00: f64,
+    t_01: f64,
+    t_02: f64,
+    t_03: f64,
+    t_10: f64,
+    t_11: f64,
+    t_12: f64,
+    t_13: f64,
+    t_20: f64,
+    t_21: f64,
+    t_22: f64,
+    t_23: f64,
+}
+
+fn find(path: &Path, _: &mut Report) -> Option<Found> {
+    let keyframes = [path.join("keyframes"), path.to_owned()];
+    let (keyframes, cameras, photos) = keyframes.iter().find_map(|keyframes| {
+        let complete = FOLDERS.iter().find(|(cameras, photos)| {
+            let first = files(&keyframes.join(cameras), "json", 0).into_iter().next();
+            keyframes.join(photos).is_dir() && first.is_some_and(|p| begins_with_all(&p, &["\"t_00\""]))
+        });
+        complete.map(|(cameras, photos)| (keyframes.clone(), *cameras, *photos))
+    })?;
+    let read = move |folder: &CaptureFolder| read(&keyframes.join(cameras), photos, folder);
+    Some(Found { root: path.to_owned(), read: Box::new(read) })
+}
+
+fn read(cameras: &Path, photos: &str, folder: &CaptureFolder) -> Result<Source> {
+    let keyframes = cameras.parent().and_then(|p| p.strip_prefix(&folder.root).ok()).unwrap_or(Path::new(""));
+    let photos =
+        folder.images.clone().unwrap_or_else(|| folder.photos(&keyframes.join(photos).to_string_lossy()));
+    let mut source = Source::at(cameras);
+    source.stated_up = Some(DVec3::Y);
+    let mut left_out = LeftOut::default();
+    for path in files(cameras, "json", 0) {
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let Some(photo) = photos.find(&stem)? else {
+            source.without_photo.push(stem);
+            continue;
+        };
+        match view(&path, &photo)? {
+            Ok(view) => source.views.push(view),
+            Err(what) => left_out.push(format!("camera {}", quoted(&stem)), what),
+        }
+    }
+    let total = source.views.len() + source.without_photo.len() + left_out.count();
+    left_out.finish(cameras, "views", total, &mut source.report)?;
+    Ok(source)
+}
+
+/// The view of a file and its photo, or what is wrong with the file.
+fn view(path: &Path, photo: &PathBuf) -> Result<Result<SourceView, String>> {
+    let text = input_file::read_text(path, FILE_BYTES_MAX)?;
+    let camera: Camera = match serde_json::from_str(&text) {
+        Ok(camera) => camera,
+        Err(e) => return Ok(Err(format!("{e}; expected the JSON of a camera of Polycam"))),
+    };
+    let side = |stated: Option<f64>| {
+        stated.filter(|v| (1.0..=1e6).contains(v) && v.fract() == 0.0).map(|v| v as u32)
+    };
+    let (width_px, height_px) = match (side(camera.width), side(camera.height)) {
+        (Some(width), Some(height)) => (width, height),
+        _ => photo_size(photo)?,
+    };
+    let Camera { fx: fx_px, fy: fy_px, cx: cx_px, cy: cy_px, .. } = camera;
+    let pinhole = Pinhole { width_px, height_px, fx_px, fy_px, cx_px, cy_px };
+    let lens = Lens { pinhole, distortion: Distortion::None };
+    if let Some(what) = lens.problem() {
+        return Ok(Err(what));
+    }
+    let c = &camera;
+    let axes = from_rows([[c.t_00, c.t_01, c.t_02], [c.t_10, c.t_11, c.t_12], [c.t_20, c.t_21, c.t_22]]);
+    Ok(from_opengl(axes, DVec3::new(c.t_03, c.t_13, c.t_23)).map(|camera_from_capture| SourceView {
+        name: photo.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+        photo: Some(photo.clone()),
+        mask: None,
+        lens,
+        camera_from_capture,
+        split: None,
+        observed: Vec::new(),
+    }))
+}

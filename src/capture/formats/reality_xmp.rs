@@ -1,0 +1,216 @@
+//! The sidecar files of RealityScan and RealityCapture: an .xmp beside each photo, with the same stem.
+//!
+//! `xcr:Rotation` is the rotation of `camera_from_capture` by rows (x to the right, y down, z forward) and `xcr:Position`
+//! the camera's centre: in the published sidecars (the test below) the first row is level and the second points down, as
+//! photos are taken, and the cameras look at the scene; with rows for columns they are not. z is up. `FocalLength35mm`
+//! refers to 36 mm along the photo's longer side, `PrincipalPointU` and `V` are offsets from its centre in shares of that
+//! side. `DistortionCoeficients` (spelt so) are k1 to k4, t1, t2 of Brown's model on the plane z = 1, with t1, t2 as
+//! OpenCV's p1, p2 (as nerfstudio reads the CSV of the same program).
+
+use super::axes::from_rows;
+use super::lookup::{begins_with_all, files, name_in, photo_folder};
+use super::unused::Unused;
+use super::xml::{self, numbers, text_of};
+use crate::camera::{Pinhole, RigidTransform};
+use crate::capture::folder::CaptureFolder;
+use crate::capture::left_out::LeftOut;
+use crate::capture::lens::{Distortion, Lens};
+use crate::capture::photos::photo_size;
+use crate::capture::pose_format::{Found, PoseFormat};
+use crate::capture::source::{Source, SourceView, checked_pose};
+use crate::text::quoted;
+use crate::{Report, Result};
+use glam::DVec3;
+use roxmltree::Node;
+use std::path::{Path, PathBuf};
+
+/// See [`PoseFormat`].
+pub(crate) const FORMAT: PoseFormat = PoseFormat {
+    name: "reality-xmp",
+    help: "sidecar files of RealityScan / RealityCapture",
+    files: "RealityScan's sidecar files (.xmp)",
+    has_observations: false,
+    find,
+};
+
+/// The namespace of the properties.
+const XCR: &str = "http://www.capturingreality.com/ns/xcr/1.1#";
+
+const RDF: &str = "http://www.w3.org/1999/02/22-rdf-syntax-ns#";
+
+/// Width of the film that focal lengths refer to.
+const FILM_MM: f64 = 36.0;
+
+/// Levels of folders below that of the photos.
+const DEPTH: usize = 2;
+
+fn find(path: &Path, _: &mut Report) -> Option<Found> {
+    let is_there = |folder: &Path, depth| files(folder, "xmp", depth).iter().any(|p| is_sidecar(p));
+    let found = path.is_dir() && (is_there(path, 0) || is_there(&path.join("images"), DEPTH));
+    let root = path.to_owned();
+    found.then(|| Found { root, read: Box::new(read) })
+}
+
+/// Sidecars of other programs have no properties of this one.
+fn is_sidecar(path: &Path) -> bool {
+    begins_with_all(path, &[XCR])
+}
+
+fn read(folder: &CaptureFolder) -> Result<Source> {
+    let photos = photo_folder(folder, &["images"]);
+    let mut source = Source::at(&folder.root);
+    source.stated_up = Some(DVec3::Z);
+    let (mut left_out, mut unused) = (LeftOut::default(), Unused::default());
+    let beside = files(photos.path(), "xmp", DEPTH);
+    let (base, sidecars): (&Path, Vec<PathBuf>) = match beside.iter().any(|p| is_sidecar(p)) {
+        true => (photos.path(), beside),
+        false => (&folder.root, files(&folder.root, "xmp", 0)),
+    };
+    let mut num_dropped = 0;
+    for path in sidecars.iter().filter(|p| is_sidecar(p)) {
+        let stem = path.with_extension("");
+        let stem = stem.strip_prefix(base).unwrap_or(&stem).to_string_lossy().replace('\\', "/");
+        let Some(photo) = photos.find(&stem)? else {
+            source.without_photo.push(stem);
+            continue;
+        };
+        let text = xml::read(path)?;
+        let camera = match camera(path, &text)? {
+            Ok(Some(camera)) => camera,
+            Ok(None) => {
+                unused.unposed.push(stem);
+                continue;
+            }
+            Err(what) => {
+                left_out.push(format!("camera {}", quoted(&stem)), what);
+                continue;
+            }
+        };
+        num_dropped += usize::from(camera.has_dropped_terms);
+        let lens = match camera.lens(photo_size(&photo)?) {
+            Ok(lens) => lens,
+            Err(what) => {
+                left_out.push(format!("camera {}", quoted(&stem)), what);
+                continue;
+            }
+        };
+        source.views.push(SourceView {
+            name: name_in(&photos, &photo),
+            photo: Some(photo),
+            mask: None,
+            lens,
+            camera_from_capture: camera.camera_from_capture,
+            split: None,
+            observed: Vec::new(),
+        });
+    }
+    if num_dropped > 0 {
+        let what = format!("skew and aspect ratio of {num_dropped} lenses are not supported and ignored");
+        source.report.warn("lens-term-dropped", num_dropped, what);
+    }
+    let total = source.views.len() + source.without_photo.len() + left_out.count();
+    left_out.finish(&folder.root, "views", total, &mut source.report)?;
+    unused.report(&mut source.report);
+    Ok(source)
+}
+
+/// What a sidecar file states.
+struct Camera {
+    camera_from_capture: RigidTransform,
+    focal_mm: f64,
+    /// Offset of the principal point in shares of the longer side.
+    principal_point: [f64; 2],
+    distortion: Distortion,
+    has_dropped_terms: bool,
+}
+
+/// The camera of a sidecar file, `None` if it states no pose, or what is wrong with it.
+fn camera(path: &Path, text: &str) -> Result<Result<Option<Camera>, String>> {
+    let document = match xml::parse(path, text) {
+        Ok(document) => document,
+        Err(crate::Error::InvalidInput { what, .. }) => return Ok(Err(what)),
+        Err(other) => return Err(other),
+    };
+    let descriptions = || document.descendants().filter(|n| n.has_tag_name((RDF, "Description")));
+    let Some(description) = descriptions().find(|n| property(*n, "Rotation").is_some()) else {
+        return Ok(Ok(None));
+    };
+    let model = property(description, "DistortionModel").unwrap_or("perspective");
+    let is_brown = model.starts_with("brown");
+    if !is_brown && !matches!(model, "none" | "perspective") {
+        return Err(unsupported!(
+            path,
+            "DistortionModel {}; supported: brown3, brown4 (with or without t2), perspective; align again with one of \
+             these, or export undistorted photos",
+            quoted(model)
+        ));
+    }
+    Ok(of_description(description, is_brown))
+}
+
+fn of_description(description: Node<'_, '_>, is_brown: bool) -> Result<Option<Camera>, String> {
+    fn values<const N: usize>(node: Node<'_, '_>, name: &str) -> Result<Option<[f64; N]>, String> {
+        property(node, name).map(|text| numbers(text).map_err(|e| format!("{name}: {e}"))).transpose()
+    }
+    let [rotation, position] = ["Rotation", "Position"].map(|name| property(description, name).is_some());
+    if !(rotation && position) {
+        return Ok(None);
+    }
+    let r = values::<9>(description, "Rotation")?.unwrap_or_default();
+    let rotation = from_rows([[r[0], r[1], r[2]], [r[3], r[4], r[5]], [r[6], r[7], r[8]]]);
+    let centre = DVec3::from(values::<3>(description, "Position")?.unwrap_or_default());
+    // Checked with the centre, which keeps its size: the translation does as well.
+    let pose = checked_pose(rotation, centre)?;
+    let camera_from_capture =
+        RigidTransform { rotation: pose.rotation, translation: -(pose.rotation * pose.translation) };
+    let number = |name: &str| values::<1>(description, name).map(|v| v.map(|[v]| v));
+    let coefficients = values::<6>(description, "DistortionCoeficients")?.unwrap_or_default();
+    let [k1, k2, k3, k4, t1, t2] = coefficients;
+    let distortion = match is_brown && coefficients != [0.0; 6] {
+        true => Distortion::Brown { k: [k1, k2, k3, k4], p: [t1, t2], shear: 0.0 },
+        false => Distortion::None,
+    };
+    Ok(Some(Camera {
+        camera_from_capture,
+        focal_mm: number("FocalLength35mm")?.ok_or("it has no FocalLength35mm")?,
+        principal_point: [
+            number("PrincipalPointU")?.unwrap_or(0.0),
+            number("PrincipalPointV")?.unwrap_or(0.0),
+        ],
+        distortion,
+        has_dropped_terms: number("Skew")?.unwrap_or(0.0) != 0.0
+            || number("AspectRatio")?.unwrap_or(1.0) != 1.0,
+    }))
+}
+
+impl Camera {
+    /// The lens at the size of its photo.
+    fn lens(&self, (width_px, height_px): (u32, u32)) -> Result<Lens, String> {
+        let longer_px = f64::from(width_px.max(height_px));
+        let focal_px = self.focal_mm * longer_px / FILM_MM;
+        let [u, v] = self.principal_point;
+        let pinhole = Pinhole {
+            width_px,
+            height_px,
+            fx_px: focal_px,
+            fy_px: focal_px,
+            cx_px: 0.5 * f64::from(width_px) + u * longer_px,
+            cy_px: 0.5 * f64::from(height_px) + v * longer_px,
+        };
+        let lens = Lens { pinhole, distortion: self.distortion };
+        match lens.problem() {
+            Some(what) => Err(what),
+            None => Ok(lens),
+        }
+    }
+}
+
+/// A property of RDF: an attribute or an element inside.
+fn property<'a>(description: Node<'a, '_>, name: &str) -> Option<&'a str> {
+    let element = description.children().find(|c| c.has_tag_name((XCR, name)));
+    description.attribute((XCR, name)).or_else(|| element.map(text_of))
+}
+
+#[cfg(test)]
+#[path = "reality_xmp_tests.rs"]
+mod tests;

@@ -1,0 +1,114 @@
+//! The recordings of Record3D: `metadata.json` beside `rgb/N.jpg` (EXR + RGBD), or `metadata` beside `rgbd/N.jpg` (an
+//! unpacked .r3d).
+//!
+//! As the author of the app states (issues 27 and 88 of marek-simonik/record3d) and nerfstudio reads it: each of `poses` is
+//! `capture_from_camera`, a quaternion x, y, z, w and a position in metres, of a camera with x to the right, y up and z
+//! backward. The first camera sets the axes, so no direction is stated as up. `perFrameIntrinsicCoeffs` are fx, fy, cx, cy
+//! of each photo, `K` is the matrix of all by columns, in pixels of the size w, h; lenses have no distortion.
+
+use super::axes::from_opengl;
+use super::json::{self, Number};
+use super::lookup::{photo_folder, stems};
+use crate::camera::{Pinhole, RigidTransform};
+use crate::capture::folder::CaptureFolder;
+use crate::capture::left_out::LeftOut;
+use crate::capture::lens::{Distortion, Lens};
+use crate::capture::pose_format::{Found, PoseFormat};
+use crate::capture::source::{Source, SourceView};
+use crate::text::quoted;
+use crate::{Report, Result, input_file};
+use glam::{DMat3, DQuat, DVec3};
+use serde::Deserialize;
+use std::path::Path;
+
+/// See [`PoseFormat`].
+pub(crate) const FORMAT: PoseFormat = PoseFormat {
+    name: "record3d",
+    help: "recordings of Record3D",
+    files: "Record3D's metadata.json with its folder rgb or rgbd",
+    has_observations: false,
+    find,
+};
+
+/// Folders of the photos.
+const PHOTOS: [&str; 2] = ["rgb", "rgbd"];
+
+/// An hour at 60 frames a second takes less.
+const FILE_BYTES_MAX: u64 = 64 << 20;
+
+#[derive(Deserialize)]
+struct Metadata {
+    w: u32,
+    h: u32,
+    #[serde(rename = "K")]
+    matrix: Option<[Number; 9]>,
+    #[serde(rename = "perFrameIntrinsicCoeffs", default)]
+    of_frames: Vec<[Number; 4]>,
+    poses: Vec<[Number; 7]>,
+}
+
+fn find(path: &Path, _: &mut Report) -> Option<Found> {
+    let has_photos = PHOTOS.iter().any(|name| path.join(name).is_dir());
+    let file = ["metadata.json", "metadata"].map(|name| path.join(name)).into_iter().find(|p| p.is_file())?;
+    let is_ours =
+        || input_file::read_text(&file, FILE_BYTES_MAX).is_ok_and(|text| text.contains("\"poses\""));
+    let found = has_photos && is_ours();
+    found.then(|| Found { root: path.to_owned(), read: Box::new(move |folder| read(&file, folder)) })
+}
+
+fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
+    input_file::check(path, FILE_BYTES_MAX)?;
+    let metadata: Metadata = json::read(path, "the metadata of Record3D")?;
+    let photos = photo_folder(folder, &PHOTOS);
+    let mut source = Source::at(path);
+    let mut left_out = LeftOut::default();
+    let there = stems(&photos);
+    for (index, pose) in metadata.poses.iter().enumerate() {
+        let stem = index.to_string();
+        let photo = there.contains(&stem).then(|| photos.find(&stem)).transpose()?.flatten();
+        let Some(photo) = photo else {
+            source.without_photo.push(stem);
+            continue;
+        };
+        match metadata.lens(index).and_then(|lens| Ok((lens, camera_from_capture(pose.map(|v| v.0))?))) {
+            Ok((lens, camera_from_capture)) => source.views.push(SourceView {
+                name: photo.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+                photo: Some(photo),
+                mask: None,
+                lens,
+                camera_from_capture,
+                split: None,
+                observed: Vec::new(),
+            }),
+            Err(what) => left_out.push(format!("camera {}", quoted(&stem)), what),
+        }
+    }
+    let total = source.views.len() + source.without_photo.len() + left_out.count();
+    left_out.finish(path, "views", total, &mut source.report)?;
+    Ok(source)
+}
+
+fn camera_from_capture([x, y, z, w, position @ ..]: [f64; 7]) -> Result<RigidTransform, String> {
+    let turn = DQuat::from_xyzw(x, y, z, w);
+    if !(turn.length().is_normal() && turn.is_finite()) {
+        return Err(format!("its quaternion is {x}, {y}, {z}, {w}"));
+    }
+    from_opengl(DMat3::from_quat(turn.normalize()), DVec3::from(position))
+}
+
+impl Metadata {
+    fn lens(&self, index: usize) -> Result<Lens, String> {
+        let of_all = || self.matrix.map(|[fx, _, _, _, fy, _, cx, cy, _]| [fx, fy, cx, cy]);
+        let Some([fx_px, fy_px, cx_px, cy_px]) =
+            self.of_frames.get(index).copied().or_else(of_all).map(|all| all.map(|v| v.0))
+        else {
+            return Err("neither perFrameIntrinsicCoeffs nor K has its intrinsics".to_owned());
+        };
+        let pinhole = Pinhole { width_px: self.w, height_px: self.h, fx_px, fy_px, cx_px, cy_px };
+        let lens = Lens { pinhole, distortion: Distortion::None };
+        match lens.problem() {
+            Some(what) => Err(what),
+            None => Ok(lens),
+        }
+    }
+}

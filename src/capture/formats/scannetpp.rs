@@ -1,0 +1,120 @@
+//! Scenes of ScanNet++. The DSLR has a `transforms.json` in `dslr/nerfstudio`, whose photos lie in `dslr/resized_images`
+//! and whose masks in `dslr/resized_anon_masks` (as nerfstudio's reader of the data set looks for them). It is read as any
+//! other.
+//!
+//! The iPhone has `iphone/pose_intrinsic_imu.json` beside the photos that the toolbox of the data set extracts,
+//! `iphone/rgb/frame_000000.jpg`. As the toolbox of the data set reads it (`iphone/arkit_pcl.py` of scannetpp/scannetpp): `aligned_pose` is
+//! `capture_from_camera`, 4 x 4 by rows, in metres, of a camera with x to the right, y down and z forward; `intrinsic` is
+//! 3 x 3 by rows, in pixels of the photos. `pose`, before alignment with the scan, is not used. No direction is stated as
+//! up.
+
+use super::axes::{from_opencv, from_rows};
+use super::json::{self, Number};
+use super::lookup::stems;
+use super::transforms;
+use super::unused::Unused;
+use crate::camera::Pinhole;
+use crate::capture::folder::CaptureFolder;
+use crate::capture::left_out::LeftOut;
+use crate::capture::lens::{Distortion, Lens};
+use crate::capture::photos::photo_size;
+use crate::capture::pose_format::{Found, PoseFormat};
+use crate::capture::source::{Source, SourceView};
+use crate::text::quoted;
+use crate::{Report, Result, input_file};
+use glam::DVec3;
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// See [`PoseFormat`].
+pub(crate) const FORMAT: PoseFormat = PoseFormat {
+    name: "scannetpp",
+    help: "scenes of ScanNet++, of the DSLR or the iPhone",
+    files: "ScanNet++'s folders dslr or iphone",
+    has_observations: false,
+    find,
+};
+
+const FILE: &str = "pose_intrinsic_imu.json";
+
+/// Of the DSLR: poses, the folder of their photos and that of their masks.
+const DSLR: [(&str, &str, &str); 2] = [
+    ("nerfstudio/transforms.json", "resized_images", "resized_anon_masks"),
+    ("nerfstudio/transforms_undistorted.json", "undistorted_images", "undistorted_anon_masks"),
+];
+
+/// 30,000 photos, with the measurements of motion, take less.
+const FILE_BYTES_MAX: u64 = 128 << 20;
+
+#[derive(Deserialize)]
+struct Frame {
+    aligned_pose: Option<[[Number; 4]; 4]>,
+    intrinsic: [[Number; 3]; 3],
+}
+
+fn find(path: &Path, report: &mut Report) -> Option<Found> {
+    if let Some(found) = [path.join("dslr"), path.to_owned()].iter().find_map(|dslr| find_dslr(dslr, report))
+    {
+        return Some(found);
+    }
+    let root = [path.join("iphone"), path.to_owned()].into_iter().find(|root| root.join(FILE).is_file())?;
+    let file = root.join(FILE);
+    Some(Found { root, read: Box::new(move |folder| read(&file, folder)) })
+}
+
+fn find_dslr(dslr: &Path, report: &mut Report) -> Option<Found> {
+    let (poses, photos, masks) = DSLR.iter().find(|(_, photos, _)| dslr.join(photos).is_dir())?;
+    let file = dslr.join(poses);
+    let found = file.is_file().then(|| (transforms::FORMAT.find)(&file, report)).flatten()?;
+    let read = move |folder: &CaptureFolder| {
+        let images = folder.images.clone().unwrap_or_else(|| folder.photos(photos));
+        // Their paths are relative to these folders.
+        (found.read)(&folder.inside(masks, images))
+    };
+    Some(Found { root: dslr.to_owned(), read: Box::new(read) })
+}
+
+fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
+    input_file::check(path, FILE_BYTES_MAX)?;
+    let frames: BTreeMap<String, Frame> = json::read(path, "the poses of ScanNet++'s iPhone")?;
+    let photos = folder.images.clone().unwrap_or_else(|| folder.photos("rgb"));
+    let mut source = Source::at(path);
+    let (mut left_out, mut unused) = (LeftOut::default(), Unused::default());
+    let there = stems(&photos);
+    for (name, frame) in frames {
+        let Some(pose) = frame.aligned_pose else {
+            unused.unposed.push(name);
+            continue;
+        };
+        let photo = there.contains(&name).then(|| photos.find(&name)).transpose()?.flatten();
+        let Some(photo) = photo else {
+            source.without_photo.push(name);
+            continue;
+        };
+        let pose = pose.map(|row| row.map(|v| v.0));
+        let row = |i: usize| [pose[i][0], pose[i][1], pose[i][2]];
+        let axes = from_rows([row(0), row(1), row(2)]);
+        let camera_from_capture = from_opencv(axes, DVec3::new(pose[0][3], pose[1][3], pose[2][3]));
+        let (width_px, height_px) = photo_size(&photo)?;
+        let [[fx_px, _, cx_px], [_, fy_px, cy_px], _] = frame.intrinsic.map(|row| row.map(|v| v.0));
+        let pinhole = Pinhole { width_px, height_px, fx_px, fy_px, cx_px, cy_px };
+        let lens = Lens { pinhole, distortion: Distortion::None };
+        match (camera_from_capture, lens.problem()) {
+            (Ok(camera_from_capture), None) => source.views.push(SourceView {
+                name: photo.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+                photo: Some(photo),
+                mask: None,
+                lens,
+                camera_from_capture,
+                split: None,
+                observed: Vec::new(),
+            }),
+            (Err(what), _) | (_, Some(what)) => left_out.push(format!("camera {}", quoted(&name)), what),
+        }
+    }
+    let total = source.views.len() + source.without_photo.len() + left_out.count();
+    left_out.finish(path, "views", total, &mut source.report)?;
+    unused.report(&mut source.report);
+    Ok(source)
+}
