@@ -33,6 +33,8 @@ pub(crate) struct Source {
     pub path: PathBuf,
     pub views: Vec<SourceView>,
     pub points: Vec<SfmPoint>,
+    /// Up as the format defines it, a unit vector, where it does.
+    pub stated_up: Option<DVec3>,
     /// The file of the points, where the poses name one.
     pub points_file: Option<PathBuf>,
     /// Mean reprojection error of the points in pixels, where the format states it.
@@ -49,6 +51,7 @@ impl Source {
             path: path.to_owned(),
             views: Vec::new(),
             points: Vec::new(),
+            stated_up: None,
             points_file: None,
             reprojection_error_px: None,
             without_photo: Vec::new(),
