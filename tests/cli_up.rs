@@ -4,7 +4,7 @@
 #[path = "common/cli.rs"]
 mod cli;
 
-use cli::{good, json, litetex, text};
+use cli::{bad, good, json, litetex, text};
 use glam::{DMat3, DMat4, DQuat, DVec3};
 use serde_json::{Value, json as object};
 use std::path::{Path, PathBuf};
@@ -97,12 +97,13 @@ fn exports_stand_upright_whatever_is_up_in_the_capture() {
         let capture = sample.capture("transforms.json", turn, |pose| pose);
         let at = |name: &str| -> PathBuf { capture.path().join(name) };
         let run = at("run");
-        let train = ["--steps", "3", "--set", "save-images=none", "--device", "cpu", "-q"];
+        let train =
+            ["--steps", "3", "--max-resolution", "48", "--set", "save-images=none", "--device", "cpu", "-q"];
         good(&[&["train", text(capture.path()), "-o", text(&run)], &train[..]].concat());
         let files = ["a.glb", "a.usda", "a.ltgs", "a.ply", "a.spz"].map(at);
         let output = litetex(
             &[
-                &["export", text(&run), "--cameras", "all", "--no-verify"],
+                &["export", text(&run), "--cameras", "all", "--no-verify", "--quality", "lossless"],
                 &files.each_ref().map(|file| text(file))[..],
             ]
             .concat(),
@@ -139,6 +140,8 @@ fn exports_stand_upright_whatever_is_up_in_the_capture() {
 #[test]
 fn the_format_says_what_is_up_where_the_photos_do_not() {
     let sample = sample();
+    let (code, message) = bad(&["export", "run", "a.glb", "--up", "w"]);
+    assert!(code == 2 && message.contains("--up"), "{message}");
     let turn = DMat3::from_rotation_x(-std::f64::consts::FRAC_PI_2);
     // All photos look the way of the first, ahead and down.
     let (_, first) = sample.poses[0];

@@ -3,8 +3,8 @@
 
 use glam::{DMat3, DVec3};
 
-/// Roll at which a photo weighs a quarter of a level one, as a sine. Measured: the level photos of the captures in
-/// [`super::up`] roll by 0.3 to 4 degrees (root mean square).
+/// Roll at which a photo weighs a quarter of a level one, as a sine. Measured, root mean square of the roll: flower 0.4
+/// degrees, castle of Sceaux 0.9, bonsai 1.4, fox 2.4, lego 0.
 const ROLL_SIN: f64 = 0.0872; // 5 degrees
 
 /// A photo counts as level up to this roll, as a sine.

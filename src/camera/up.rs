@@ -11,11 +11,13 @@ use super::level::{Axes, Fit, fit, fit_near};
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 
-/// The level axes leave up open if the second of the three eigenvalues of their covariance is smaller. Measured, by
-/// eigenvalues: flower 0.000, 0.001, 0.999; others see `MEASURED`.
+/// The level axes leave up open if the second of the three eigenvalues of their covariance is smaller. Measured, first and
+/// second eigenvalue: flower, whose photos all face alike, 0.00004 and 0.0013; castle of Sceaux 0.0002 and 0.107; bonsai
+/// 0.0006 and 0.247; fox 0.0017 and 0.251; lego 0 and 0.442.
 const OPEN_BELOW: f64 = 0.03;
 
-/// Least share of photos that are level, if they are to tell what is up.
+/// Least share of photos that are level, if they are to tell what is up. Measured: 41 of 50 in fox, all in the other captures;
+/// of cameras held anyhow a quarter to a third.
 const LEVEL_SHARE_MIN: f64 = 0.5;
 
 /// Directions this close to an axis of the capture are that axis, degrees.
