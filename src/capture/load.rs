@@ -11,7 +11,7 @@ use super::source::{Source, SourceView, first_names, first_paths};
 use super::store::ImageStore;
 use super::zipped::Unpacked;
 use super::{advice, elsewhere, far, formats, frame, health, left_out, overlap, plausible, split, zipped};
-use crate::camera::{Camera, Similarity};
+use crate::camera::{Camera, Similarity, up};
 use crate::text::{self, quoted};
 use crate::views::Split;
 use crate::{Error, Report, Result};
@@ -106,6 +106,11 @@ fn load_folder(path: &Path, options: &LoadOptions, archive: Option<&Unpacked>) -
     plausible::check(&source.views, &recipes, &mut report);
     let views = views(&source.views, &recipes, &splits, &capture_from_local);
     overlap::check(&views, &source, &capture_from_local, &mut report);
+    // The local frame is not turned.
+    let up = up::find(views.iter().map(|v| v.camera.camera_from_local.rotation), source.stated_up);
+    if let Some(disagreement) = up.disagreement() {
+        report.warn("up-not-as-stated", 1, disagreement);
+    }
     Ok(Capture {
         name: name_of(&folder.root),
         format,
@@ -113,6 +118,7 @@ fn load_folder(path: &Path, options: &LoadOptions, archive: Option<&Unpacked>) -
         views,
         points: source.points,
         capture_from_local,
+        up,
         near,
         health,
         report,

@@ -4,6 +4,7 @@ use super::health::SparseHealth;
 use super::options::CaptureFormat;
 use super::store::ImageStore;
 use super::zipped::Unpacked;
+use crate::camera::up::Up;
 use crate::camera::{Camera, Similarity};
 use crate::image::TargetImage;
 use crate::views::{SfmPoint, Split, ViewSource};
@@ -38,6 +39,8 @@ pub struct Capture {
     pub points: Vec<SfmPoint>,
     /// Undoes the local frame, in which the extent of the capture is 1.
     pub capture_from_local: Similarity,
+    /// Which direction is up.
+    pub up: Up,
     /// Distance of the near plane, local units.
     pub near: f32,
     /// How plausible the sparse reconstruction looks, where there is one.
@@ -84,6 +87,10 @@ impl ViewSource for Capture {
 
     fn camera(&self, view: usize) -> Camera {
         self.views[view].camera
+    }
+
+    fn up(&self) -> Up {
+        self.up
     }
 
     fn target(&self, view: usize) -> Result<Arc<TargetImage>> {

@@ -44,8 +44,8 @@ pub struct AssetArgs {
     /// Drop splats that contribute less than this many pixels in total over the training views
     #[arg(long, value_name = "PIXELS", value_parser = parse_floor, help_heading = "Scene")]
     pub min_contribution: Option<f32>,
-    /// Direction of the capture that points up in the files: x, -x, y, -y, z, -z or X,Y,Z [default: that of an asset, else -y,
-    /// as in COLMAP's images]. For .ply files, which do not say what is up, also the program that shows them: three, spark,
+    /// Direction of the capture that points up in the files: x, -x, y, -y, z, -z or X,Y,Z [default: that of an asset, else the
+    /// one to which the photos are level]. For .ply files, which do not say what is up, also the program that shows them: three, spark,
     /// babylon, playcanvas, splat-transform, or the axis :y, :-y or :z; both as in z:three
     #[arg(long, value_name = "UP", value_parser = parse_up, allow_hyphen_values = true, help_heading = "Scene")]
     pub up: Option<Up>,

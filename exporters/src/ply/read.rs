@@ -182,6 +182,7 @@ fn take_provenance(contents: &mut PlyContents) {
         match name {
             "world_from_capture" => world = super::world_from_comment(text),
             "up" => up = PlyUp::ALL.into_iter().find(|up| up.name() == text),
+            "up_in_capture" => facts.up = plain(text),
             "title" => facts.title = plain(text),
             "author" => facts.author = plain(text),
             "licence" => facts.licence = plain(text),

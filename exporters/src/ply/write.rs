@@ -126,9 +126,8 @@ fn header(asset: &SplatAsset, options: &PlyOptions, sh_degree: u32) -> String {
     comment("written by", concat!("litetex ", env!("CARGO_PKG_VERSION")).to_owned());
     comment("colours", "texture maps are averaged into f_dc".to_owned());
     let frame = match (up, asset.world_from_capture.is_identity()) {
-        (PlyUp::MinusY, true) => {
-            "of the capture, as COLMAP gave it (cameras: x right, y down, z forward; up is usually -y)"
-        }
+        (PlyUp::MinusY, true) if facts.up.is_empty() => "of the capture; what is up there is not known",
+        (PlyUp::MinusY, true) => "of the capture (up is -y)",
         (PlyUp::MinusY, false) => "the file's own (up is -y), see world_from_capture",
         _ => "the file's own, turned about x from one in which up is -y",
     };
@@ -142,6 +141,7 @@ fn header(asset: &SplatAsset, options: &PlyOptions, sh_degree: u32) -> String {
     if let Some([x, y, z]) = asset.origin_in_capture() {
         comment("origin", format!("{x} {y} {z}"));
     }
+    comment("up_in_capture", escaped(&facts.up));
     comment("title", escaped(&facts.title));
     comment("author", escaped(&facts.author));
     comment("licence", escaped(&facts.licence));

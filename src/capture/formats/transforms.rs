@@ -96,6 +96,7 @@ fn files_in(root: &Path) -> Vec<(PathBuf, Option<Split>)> {
 
 fn read(files: &[(PathBuf, Option<Split>)], folder: &CaptureFolder) -> Result<Source> {
     let mut source = Source::at(files.first().map_or(&folder.root, |f| &f.0));
+    source.stated_up = files.first().is_some_and(|f| is_of_blender(&f.0)).then_some(DVec3::Z);
     for (path, split) in files {
         read_one(path, *split, folder, &mut source)?;
     }
@@ -158,6 +159,11 @@ fn read_one(path: &Path, split: Option<Split>, folder: &CaptureFolder, source: &
         source.points_file = Some(ply);
     }
     Ok(())
+}
+
+/// Whether the frame is Blender's, in which z is up. `transforms.json` of other programs defines none.
+fn is_of_blender(path: &Path) -> bool {
+    path.file_name().is_some_and(|name| name == "transforms_train.json")
 }
 
 /// A stored path without `./` and with forward slashes.
