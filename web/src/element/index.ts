@@ -180,7 +180,7 @@ export class LitetexViewerElement extends Base {
     private hold(): number {
         const isDone = !this.source || this.hasFailed || (this.hasImage && this.still.hidden);
         if (!this.isInSight) return isDone ? 0 : 1;
-        if (!isDone) return 3;
+        if (!isDone || this.viewer?.controls.active) return 3;
         return this.viewer?.autoRotate ? 2.5 : 2;
     }
 
@@ -230,7 +230,7 @@ export class LitetexViewerElement extends Base {
     /** The browser has taken it away, and restores it when it likes. */
     private lost(): void {
         this.hasImage = false;
-        this.failure.textContent = 'The graphics driver has stopped.';
+        this.failure.textContent = 'The graphics driver has stopped, or the rest of the page draws too much.';
     }
 
     /** Gives it up, and goes on showing the last image. */

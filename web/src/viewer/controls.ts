@@ -9,6 +9,8 @@ const DOLLY_PER_PX = 0.0015;
 /** Part of the distance to the target that keys move per second. */
 const FLY_PER_SEC = 0.6;
 const TURN_PER_SEC = 0.9;
+/** A key that is tapped moves as if it were held for this long. */
+const TAP_SECS = 1 / 60;
 
 const MOVES: Record<string, readonly [right: number, down: number, forward: number]> = {
     KeyW: [0, 0, 1], KeyS: [0, 0, -1], KeyA: [-1, 0, 0], KeyD: [1, 0, 0], KeyE: [0, -1, 0], KeyQ: [0, 1, 0],
@@ -58,13 +60,14 @@ export class Controls {
     advance(secs: number): boolean {
         const pose = this.pose();
         if (!pose || !this.enabled || this.pressed.size === 0) return false;
-        const step = FLY_PER_SEC * pose.distance * secs;
-        for (const code of this.pressed) {
-            const move = MOVES[code], turn = TURNS[code];
-            if (move) pose.move(step * move[0], step * move[1], step * move[2]);
-            if (turn) pose.turn(TURN_PER_SEC * secs * turn[0], TURN_PER_SEC * secs * turn[1], this.mode === 'fly');
-        }
+        for (const code of this.pressed) this.step(pose, code, secs);
         return true;
+    }
+
+    private step(pose: Pose, code: string, secs: number): void {
+        const move = MOVES[code], turn = TURNS[code], step = FLY_PER_SEC * pose.distance * secs;
+        if (move) pose.move(step * move[0], step * move[1], step * move[2]);
+        if (turn) pose.turn(TURN_PER_SEC * secs * turn[0], TURN_PER_SEC * secs * turn[1], this.mode === 'fly');
     }
 
     private down(event: PointerEvent): void {
@@ -120,6 +123,9 @@ export class Controls {
         const isOurs = target === this.surface || target === document.body;
         if (!(isOurs && code in TURNS) && !(code in MOVES && (isOurs || !needsLetters(target)))) return;
         event.preventDefault();
+        const pose = this.pose();
+        // At once: a tap may be over before the next image.
+        if (pose && !this.pressed.has(code)) this.step(pose, code, TAP_SECS);
         this.pressed.add(code);
         this.moved();
     }

@@ -227,6 +227,34 @@ describe.skipIf(!browserPath())('<litetex-viewer>', () => {
         expect(asked.filter((url) => url.includes('once'))).toEqual([]);
     });
 
+    test('another number of splats is obeyed, and kept when the context is lost', async () => {
+        const splats = () => browser.page.evaluate(() => document.querySelector('litetex-viewer')!.figures!.splats);
+        await add(1, { src: FILE, 'max-splats': '5' });
+        await loaded(1);
+        await rest();
+        const few = await shown(0);
+        await browser.page.evaluate(async () => {
+            const { lose, restore } = window as unknown as Tools;
+            const canvas = document.querySelector('litetex-viewer')!.shadowRoot!.querySelector('canvas')!;
+            await lose(canvas);
+            await restore(canvas);
+        });
+        await expect.poll(async () => farthest(await shown(0), few), { timeout: 10_000 }).toBeLessThanOrEqual(1);
+        expect(await splats()).toBe(5);
+        await browser.page.evaluate(() => document.querySelector('litetex-viewer')!.removeAttribute('max-splats'));
+        await loaded(2);
+        expect(await splats()).toBe(36);
+    });
+
+    test('what is lazy loads once it comes into sight', async () => {
+        await browser.page.evaluate(() => document.body.append(Object.assign(document.createElement('div'), { style: 'height: 2000px' })));
+        await add(2, { src: FILE, loading: 'lazy' });
+        await browser.page.waitForTimeout(1000);
+        expect(await number('loads')).toBe(0);
+        await browser.page.evaluate(() => document.querySelector('litetex-viewer')!.scrollIntoView());
+        await loaded(2);
+    });
+
     test('auto-rotate turns until someone takes hold of it, and again when it is set again', async () => {
         /** Whether the camera moves by itself. */
         const turns = async () => {

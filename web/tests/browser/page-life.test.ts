@@ -106,6 +106,12 @@ describe.skipIf(!browserPath())('page', () => {
             if (focus === '#canvas') expect(await moves('ArrowLeft')).toBe(true);
             else await moveNot('ArrowLeft');
         }
+        // A tap moves, however short.
+        await page.evaluate(() => {
+            for (const type of ['keydown', 'keyup']) document.body.dispatchEvent(new KeyboardEvent(type, { code: 'KeyW', key: 'w', bubbles: true }));
+        });
+        await page.waitForFunction(() => document.getElementById('camera-name')!.textContent !== 'wide', null, { timeout: 5000 });
+        await page.evaluate(() => document.getElementById('camera-name')!.click());
         await page.evaluate(() => (document.activeElement as HTMLElement).blur());
         expect([await moves('w'), await moves('ArrowLeft')]).toEqual([true, true]);
         for (const html of ['<input id="field">', '<input id="field" type="search">', '<textarea id="field"></textarea>', '<select id="field"></select>', '<div id="field" contenteditable></div>']) {
