@@ -19,6 +19,8 @@ mod loaded;
 mod options;
 mod overlap;
 mod photos;
+#[cfg(test)]
+mod photos_tests;
 mod plausible;
 mod pose_format;
 mod source;
@@ -26,6 +28,7 @@ mod split;
 mod store;
 #[cfg(test)]
 mod tests;
+mod undistortion;
 mod warp;
 #[cfg(test)]
 mod warp_tests;
@@ -35,4 +38,5 @@ pub use decode::read_image;
 pub use formats::ply::read_points as read_ply_points;
 pub use health::SparseHealth;
 pub use loaded::{Capture, View};
-pub use options::{CaptureFormat, LoadOptions};
+pub use options::{CaptureFormat, ExifTurn, LoadOptions, UndistortFocal};
+pub use undistortion::Undistortion;

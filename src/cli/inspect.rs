@@ -260,7 +260,9 @@ fn of_capture(capture: &Capture) -> Value {
         "views": capture.num_views(),
         "train_views": capture.indices(Split::Train).len(),
         "test_views": names(Split::Test),
+        "split_by": capture.split_by,
         "sizes": sizes,
+        "undistortion": capture.undistortion,
         "points": capture.points.len(),
         "capture_from_local": {
             "scale": capture.capture_from_local.scale,

@@ -6,6 +6,7 @@ mod colmap;
 mod colmap_bin;
 mod colmap_model;
 mod colmap_txt;
+mod listed_split;
 pub(crate) mod ply;
 mod reality_capture;
 mod transforms;

@@ -2,6 +2,7 @@
 //! Blender scenes. Poses are OpenGL camera-to-world (x right, y up, z backward).
 
 use super::bytes::read_text;
+use super::listed_split::{Filenames, Flags, Use, uses};
 use super::ply;
 use crate::camera::{Pinhole, RigidTransform};
 use crate::capture::folder::CaptureFolder;
@@ -48,6 +49,8 @@ struct Frame {
     transform_matrix: Vec<Vec<f64>>,
     #[serde(flatten)]
     intrinsics: Intrinsics,
+    #[serde(flatten)]
+    flags: Flags,
 }
 
 #[derive(Debug, Deserialize)]
@@ -55,8 +58,12 @@ struct File {
     #[serde(flatten)]
     intrinsics: Intrinsics,
     frames: Vec<Frame>,
+    /// Held out (ScanNet++).
+    #[serde(default)]
+    test_frames: Option<Vec<Frame>>,
     ply_file_path: Option<String>,
-    test_filenames: Option<Vec<String>>,
+    #[serde(flatten)]
+    filenames: Filenames,
 }
 
 /// See [`PoseFormat`].
@@ -98,14 +105,24 @@ fn read(files: &[(PathBuf, Option<Split>)], folder: &CaptureFolder) -> Result<So
     for (path, split) in files {
         read_one(path, *split, folder, &mut source)?;
     }
+    if let [_, (held_out, _)] = files {
+        source.split_by = Some(quoted(&held_out.file_name().unwrap_or_default().to_string_lossy()));
+    }
     strip_common_folder(&mut source.views);
     Ok(source)
 }
 
 fn read_one(path: &Path, split: Option<Split>, folder: &CaptureFolder, source: &mut Source) -> Result<()> {
-    let file: File = serde_json::from_str(&read_text(path)?)
+    let mut file: File = serde_json::from_str(&read_text(path)?)
         .map_err(|e| invalid!(path, "{e}; expected the JSON of nerfstudio, instant-ngp or Blender"))?;
+    let first_test = file.frames.len();
+    file.frames.extend(file.test_frames.take().unwrap_or_default());
+    let frames: Vec<_> = file.frames.iter().map(|f| (f.file_path.as_str(), &f.flags)).collect();
+    let filenames = std::mem::take(&mut file.filenames);
+    let uses = uses(path, &frames, first_test, filenames, folder, &mut source.report)?;
+    source.split_by = source.split_by.take().or(uses.split_by);
     for (index, frame) in file.frames.iter().enumerate() {
+        let Use::View(listed) = uses.frames[index] else { continue };
         let element = format!("frames[{index}] ({})", quoted(&frame.file_path));
         let camera_from_capture =
             pose(&frame.transform_matrix).map_err(|e| invalid!(path, "{element}: transform_matrix: {e}"))?;
@@ -115,13 +132,10 @@ fn read_one(path: &Path, split: Option<Split>, folder: &CaptureFolder, source: &
         };
         let intrinsics = frame.intrinsics.or(&file.intrinsics);
         let lens = intrinsics.lens(path, &element, &photo)?;
-        let listed = file.test_filenames.as_ref().map(|names| {
-            if names.iter().any(|n| plain(n) == plain(&frame.file_path)) { Split::Test } else { Split::Train }
-        });
         source.views.push(SourceView {
             name: name(&folder.root, &frame.file_path, &photo),
             photo: Some(photo),
-            mask: frame.mask_path.as_ref().map(|m| folder.file(m)).transpose()?,
+            mask: frame.mask_path.as_ref().map(|mask| find_mask(folder, mask)).transpose()?,
             lens,
             camera_from_capture,
             split: split.or(listed),
@@ -137,7 +151,7 @@ fn read_one(path: &Path, split: Option<Split>, folder: &CaptureFolder, source: &
 }
 
 /// A stored path without `./` and with forward slashes.
-fn plain(file_path: &str) -> String {
+pub(super) fn plain(file_path: &str) -> String {
     let path = file_path.replace('\\', "/");
     path.trim_start_matches("./").to_owned()
 }
@@ -162,6 +176,14 @@ fn strip_common_folder(views: &mut [SourceView]) {
         for v in views.iter_mut() {
             v.name.drain(..prefix.len());
         }
+    }
+}
+
+/// The mask at a stored path, or where it should be.
+fn find_mask(folder: &CaptureFolder, stored: &str) -> Result<PathBuf> {
+    match folder.photos("").find(&plain(stored))? {
+        Some(found) => Ok(found),
+        None => folder.file(stored),
     }
 }
 
