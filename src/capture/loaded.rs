@@ -3,6 +3,7 @@
 use super::health::SparseHealth;
 use super::options::CaptureFormat;
 use super::store::ImageStore;
+use super::undistortion::Undistortion;
 use super::zipped::Unpacked;
 use crate::camera::up::Up;
 use crate::camera::{Camera, Similarity};
@@ -45,6 +46,10 @@ pub struct Capture {
     pub near: f32,
     /// How plausible the sparse reconstruction looks, where there is one.
     pub health: Option<SparseHealth>,
+    /// What decided the split, for people: a list, files of the capture or `--test-every`.
+    pub split_by: String,
+    /// What undistortion keeps of the photos; `None` if no lens is distorted.
+    pub undistortion: Option<Undistortion>,
     /// Warnings: what was left out, chosen among several or looks wrong.
     pub report: Report,
     pub(super) store: ImageStore,
@@ -53,6 +58,12 @@ pub struct Capture {
 }
 
 impl Capture {
+    /// How many views are held out, and why.
+    pub fn held_out(&self) -> String {
+        let test = self.indices(Split::Test).len();
+        format!("{test} of {} views are held out: {}", self.views.len(), self.split_by)
+    }
+
     /// Most memory that decoding takes if `threads` photos are requested at once.
     pub fn decoding_bytes(&self, threads: usize) -> u64 {
         self.store.decoding_bytes(threads)

@@ -269,9 +269,11 @@ fn of_capture(capture: &Capture) -> Value {
         "views": capture.num_views(),
         "train_views": capture.indices(Split::Train).len(),
         "test_views": names(Split::Test),
+        "split_by": capture.split_by,
         "sizes": sizes,
         "focal_lengths_px": range(|p| (p.fx_px, p.fy_px)),
         "principal_points_px": range(|p| (p.cx_px, p.cy_px)),
+        "undistortion": capture.undistortion,
         "points": capture.points.len(),
         "capture_from_local": {
             "scale": capture.capture_from_local.scale,
