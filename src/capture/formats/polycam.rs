@@ -6,7 +6,7 @@
 //! leave out width and height of corrected cameras.
 
 use super::axes::{from_opengl, from_rows};
-use super::lookup::{begins_with_all, files};
+use super::lookup::{begins_with_all, files, require_photos};
 use crate::camera::Pinhole;
 use crate::capture::folder::CaptureFolder;
 use crate::capture::left_out::LeftOut;
@@ -89,6 +89,7 @@ fn read(cameras: &Path, photos: &str, folder: &CaptureFolder) -> Result<Source> 
             Err(what) => left_out.push(format!("camera {}", quoted(&stem)), what),
         }
     }
+    require_photos(&source, &photos, "name their folder with --images")?;
     let total = source.views.len() + source.without_photo.len() + left_out.count();
     left_out.finish(cameras, "views", total, &mut source.report)?;
     Ok(source)
