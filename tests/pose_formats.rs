@@ -101,10 +101,10 @@ fn metashape(folder: &Path, photos: &[Photo], is_wrong: bool) {
         let r = rows(turn.transpose() * photo.axes, is_wrong);
         let c = turn.transpose() * (photo.centre - shift) / scale;
         let m = [r[0], r[1], r[2], c.x, r[3], r[4], r[5], c.y, r[6], r[7], r[8], c.z, 0.0, 0.0, 0.0, 1.0];
-        write!(
+        writeln!(
             cameras,
             "<group id=\"{id}\"><camera id=\"{id}\" sensor_id=\"3\" component_id=\"0\" label=\"{}\"><transform>{}\
-             </transform></camera></group>\n",
+             </transform></camera></group>",
             photo.stem,
             words(&m)
         )
@@ -483,7 +483,7 @@ fn damaged_pose_files_are_errors_or_valid_captures_in_bounded_time_and_memory() 
                 Err(error) => {
                     errors += 1;
                     let text = error.to_string();
-                    assert!(matches!(error.exit_code(), 3 | 4) && text.contains("/"), "{name}: {text}");
+                    assert!(matches!(error.exit_code(), 3 | 4) && text.contains('/'), "{name}: {text}");
                 }
             }
             std::fs::write(file, whole).unwrap();

@@ -83,9 +83,9 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
             Err(what) => left_out.push(format!("camera {}", quoted(&stem)), what),
         }
     }
-    require_photos(&source, &photos, "name their folder with --images")?;
     let total = source.views.len() + source.without_photo.len() + left_out.count();
     left_out.finish(path, "views", total, &mut source.report)?;
+    require_photos(&source, &photos, "name their folder with --images")?;
     Ok(source)
 }
 

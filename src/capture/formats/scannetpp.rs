@@ -118,9 +118,9 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
          rgb/frame_%06d.jpg",
         crate::text::path(&folder.root)
     );
-    require_photos(&source, &photos, &remedy)?;
     let total = source.views.len() + source.without_photo.len() + left_out.count();
     left_out.finish(path, "views", total, &mut source.report)?;
+    require_photos(&source, &photos, &remedy)?;
     unused.report(&mut source.report);
     Ok(source)
 }
