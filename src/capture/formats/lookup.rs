@@ -3,6 +3,7 @@
 
 use crate::Result;
 use crate::capture::folder::{CaptureFolder, PhotoFolder};
+use crate::capture::source::Source;
 use std::collections::HashSet;
 use std::fs::File;
 use std::io::Read as _;
@@ -75,6 +76,17 @@ pub(crate) fn find(photos: &PhotoFolder, label: &str) -> Result<Option<(String, 
 pub(crate) fn stems(photos: &PhotoFolder) -> HashSet<String> {
     let entries = std::fs::read_dir(photos.path()).into_iter().flatten().flatten();
     entries.filter_map(|e| Some(e.path().file_stem()?.to_string_lossy().into_owned())).collect()
+}
+
+/// An error if none of the posed photos is there; `remedy` says what to do.
+///
+/// # Errors
+/// See above.
+pub(crate) fn require_photos(source: &Source, photos: &PhotoFolder, remedy: &str) -> Result<()> {
+    match source.without_photo.first().filter(|_| source.views.is_empty()) {
+        Some(first) => Err(invalid!(photos.path(), "no photos, expected {first}.jpg and others; {remedy}")),
+        None => Ok(()),
+    }
 }
 
 /// The name of a photo relative to its folder, with forward slashes.

@@ -6,7 +6,7 @@
 //! leave out width and height of corrected cameras.
 
 use super::axes::{from_opengl, from_rows};
-use super::lookup::{begins_with_all, files};
+use super::lookup::{begins_with_all, files, require_photos};
 use crate::camera::Pinhole;
 use crate::capture::folder::CaptureFolder;
 use crate::capture::left_out::LeftOut;
@@ -18,7 +18,7 @@ use crate::text::quoted;
 use crate::{Report, Result, input_file};
 use glam::DVec3;
 use serde::Deserialize;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// See [`PoseFormat`].
 pub(crate) const FORMAT: PoseFormat = PoseFormat {
@@ -91,11 +91,12 @@ fn read(cameras: &Path, photos: &str, folder: &CaptureFolder) -> Result<Source> 
     }
     let total = source.views.len() + source.without_photo.len() + left_out.count();
     left_out.finish(cameras, "views", total, &mut source.report)?;
+    require_photos(&source, &photos, "name their folder with --images")?;
     Ok(source)
 }
 
 /// The view of a file and its photo, or what is wrong with the file.
-fn view(path: &Path, photo: &PathBuf) -> Result<Result<SourceView, String>> {
+fn view(path: &Path, photo: &Path) -> Result<Result<SourceView, String>> {
     let text = input_file::read_text(path, FILE_BYTES_MAX)?;
     let camera: Camera = match serde_json::from_str(&text) {
         Ok(camera) => camera,
@@ -118,7 +119,7 @@ fn view(path: &Path, photo: &PathBuf) -> Result<Result<SourceView, String>> {
     let axes = from_rows([[c.t_00, c.t_01, c.t_02], [c.t_10, c.t_11, c.t_12], [c.t_20, c.t_21, c.t_22]]);
     Ok(from_opengl(axes, DVec3::new(c.t_03, c.t_13, c.t_23)).map(|camera_from_capture| SourceView {
         name: photo.file_name().unwrap_or_default().to_string_lossy().into_owned(),
-        photo: Some(photo.clone()),
+        photo: Some(photo.to_owned()),
         mask: None,
         lens,
         camera_from_capture,

@@ -8,7 +8,7 @@
 
 use super::axes::from_opengl;
 use super::json::{self, Number};
-use super::lookup::{photo_folder, stems};
+use super::lookup::{photo_folder, require_photos, stems};
 use crate::camera::{Pinhole, RigidTransform};
 use crate::capture::folder::CaptureFolder;
 use crate::capture::left_out::LeftOut;
@@ -85,6 +85,7 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
     }
     let total = source.views.len() + source.without_photo.len() + left_out.count();
     left_out.finish(path, "views", total, &mut source.report)?;
+    require_photos(&source, &photos, "name their folder with --images")?;
     Ok(source)
 }
 

@@ -10,7 +10,7 @@
 
 use super::axes::{from_opencv, from_rows};
 use super::json::{self, Number};
-use super::lookup::stems;
+use super::lookup::{require_photos, stems};
 use super::transforms;
 use super::unused::Unused;
 use crate::camera::Pinhole;
@@ -113,8 +113,14 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
             (Err(what), _) | (_, Some(what)) => left_out.push(format!("camera {}", quoted(&name)), what),
         }
     }
+    let remedy = format!(
+        "extract them with the toolbox of ScanNet++ or, in {}, with: ffmpeg -i rgb.mkv -start_number 0 -q:v 1 \
+         rgb/frame_%06d.jpg",
+        crate::text::path(&folder.root)
+    );
     let total = source.views.len() + source.without_photo.len() + left_out.count();
     left_out.finish(path, "views", total, &mut source.report)?;
+    require_photos(&source, &photos, &remedy)?;
     unused.report(&mut source.report);
     Ok(source)
 }
