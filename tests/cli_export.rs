@@ -254,7 +254,7 @@ fn spz_files_take_the_version_the_bits_and_the_cameras_asked_for() {
 fn a_program_chooses_what_is_up_in_ply_files_alone() {
     let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
     let at = |name: &str| folder.path().join(name);
-    for (name, up) in [("a", "three"), ("b", "-y:y"), ("c", "splat-transform")] {
+    for (name, up) in [("a", "three"), ("b", ":y"), ("c", "splat-transform")] {
         let [ply, glb] = ["ply", "glb"].map(|extension| at(&format!("{name}.{extension}")));
         good(&["export", text(run), "-o", text(&ply), text(&glb), "--up", up, "--device", "cpu"]);
     }

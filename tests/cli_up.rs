@@ -14,6 +14,7 @@ struct Sample {
     folder: tempfile::TempDir,
     poses: Vec<(String, DMat4)>,
     lens: Vec<f64>,
+    points: Vec<DVec3>,
 }
 
 fn sample() -> Sample {
@@ -49,7 +50,11 @@ fn sample() -> Sample {
     };
     let poses = lines("images.txt").iter().step_by(2).map(pose).collect();
     let lens = numbers(&lines("cameras.txt")[0].split_whitespace().skip(2).collect::<Vec<_>>());
-    Sample { folder, poses, lens }
+    let point = |line: &String| {
+        DVec3::from_slice(&numbers(&line.split_whitespace().skip(1).take(3).collect::<Vec<_>>()))
+    };
+    let points = lines("points3D.txt").iter().map(point).collect();
+    Sample { folder, poses, lens, points }
 }
 
 impl Sample {
@@ -64,7 +69,14 @@ impl Sample {
         };
         let [w, h, fx, fy, cx, cy] = self.lens[..] else { panic!("a pinhole") };
         let frames: Vec<Value> = self.poses.iter().map(frame).collect();
-        let all = object!({ "w": w, "h": h, "fl_x": fx, "fl_y": fy, "cx": cx, "cy": cy, "frames": frames });
+        let all = object!({ "w": w, "h": h, "fl_x": fx, "fl_y": fy, "cx": cx, "cy": cy, "frames": frames,
+            "ply_file_path": "points.ply" });
+        let header = "property float x\nproperty float y\nproperty float z\nend_header\n";
+        let mut ply = format!("ply\nformat ascii 1.0\nelement vertex {}\n{header}", self.points.len());
+        for p in self.points.iter().map(|p| turn * *p) {
+            ply += &format!("{} {} {}\n", p.x, p.y, p.z);
+        }
+        std::fs::write(capture.path().join("points.ply"), ply).unwrap();
         std::fs::write(capture.path().join(name), all.to_string()).unwrap();
         capture
     }
