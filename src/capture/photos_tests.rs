@@ -235,11 +235,24 @@ fn wide_lenses_say_what_is_lost_and_auto_keeps_more() {
     assert!(share(&lens) < 0.45 && share(&auto) > 0.55, "{} {}", share(&lens), share(&auto));
     let focal = |capture: &Capture| capture.views[0].camera.pinhole.fx_px;
     assert_eq!((focal(&lens), focal(&auto)), (48.0, 24.0));
-    // The photo ends before the wider pinhole image does.
-    let counted = |capture: &Capture| {
-        capture.target(0).unwrap().mask.as_ref().map_or(160 * 120, |m| m.iter().filter(|&&m| m != 0).count())
-    };
-    assert!(counted(&auto) < counted(&lens) && counted(&lens) == 160 * 120);
+    // The photo shows the angle from the axis as red: the pinhole image must show it where its own camera says.
+    let angle_of = |theta: f64| (100.0 * theta) as u8;
+    for image in &scene.images {
+        let photo = image::RgbImage::from_fn(160, 120, |x, y| {
+            let (x, y) = (f64::from(x) + 0.5 - 80.0, f64::from(y) + 0.5 - 60.0);
+            image::Rgb([angle_of(x.hypot(y) / 48.0), 0, 0])
+        });
+        photo.save(folder.path().join("images").join(&image.name)).unwrap();
+    }
+    for capture in [with(UndistortFocal::Lens), with(UndistortFocal::Auto)] {
+        let (image, focal) = (capture.target(0).unwrap(), focal(&capture));
+        assert!(image.mask.is_none(), "the photo covers both pinhole images");
+        for (x, y) in [(80, 60), (20, 60), (150, 20), (90, 110)] {
+            let r = (f64::from(x) + 0.5 - 80.0).hypot(f64::from(y) + 0.5 - 60.0) / focal;
+            let red = image.rgb[3 * (160 * y as usize + x as usize)];
+            assert!(red.abs_diff(angle_of(r.atan())) <= 2, "{x} {y}: {red} {r}");
+        }
+    }
     let plain = tempdir().unwrap();
     Scene::ring(3).write(plain.path());
     assert!(load(plain.path()).undistortion.is_none(), "negative control");

@@ -12,7 +12,8 @@ use crate::camera::Pinhole;
 use glam::DVec2;
 use serde::Serialize;
 
-/// Below this share of kept pixels we warn.
+/// Below this share of kept pixels we warn (measured: photos of 4:3 by an equidistant fisheye keep 84 % at a field of view
+/// of 76 degrees along the diagonal, 74 % at 104, 67 % at 127, 38 % at 239).
 const KEPT_SHARE_MIN: f64 = 0.7;
 
 /// Pixels kept by the focal length that `auto` chooses, as a share, unless the scale below is reached before.
@@ -95,7 +96,8 @@ pub(crate) fn check(views: &[SourceView], recipes: &[Recipe], report: &mut Repor
         known.push((recipe.lens, recipe.focal_scale, share));
         share
     };
-    let kept_shares: Vec<f64> = recipes.iter().map(&mut share_of).collect();
+    let rounded = |share: f64| (share * 1e4).round() / 1e4;
+    let kept_shares: Vec<f64> = recipes.iter().map(|recipe| rounded(share_of(recipe))).collect();
     let distorted: Vec<usize> = (0..recipes.len()).filter(|&v| recipes[v].lens.is_distorted()).collect();
     let kept_share_min = distorted.iter().map(|&v| kept_shares[v]).reduce(f64::min)?;
     let low: Vec<usize> = distorted.iter().copied().filter(|&v| kept_shares[v] < KEPT_SHARE_MIN).collect();
@@ -108,7 +110,8 @@ pub(crate) fn check(views: &[SourceView], recipes: &[Recipe], report: &mut Repor
             }
         };
         let what = format!(
-            "the lenses of {} of {} views are so wide that the pinhole images trained on keep less than {:.0} % of the              photos' pixels ({:.0} % of {}): {}; {remedy}",
+            "the lenses of {} of {} views are so wide that the pinhole images trained on keep less than {:.0} % of the \
+             photos' pixels ({:.0} % of {}): {}; {remedy}",
             low.len(),
             views.len(),
             100.0 * KEPT_SHARE_MIN,

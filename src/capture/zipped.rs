@@ -82,13 +82,24 @@ impl Unpacked {
     pub fn root(&self) -> PathBuf {
         let mut root = self.folder.clone();
         loop {
-            let entries: Vec<_> = std::fs::read_dir(&root).into_iter().flatten().flatten().collect();
+            let mut entries: Vec<_> = std::fs::read_dir(&root).into_iter().flatten().flatten().collect();
+            // A note beside the folder is no part of the capture.
+            entries.retain(|entry| !is_note(&entry.path()));
             match &entries[..] {
                 [only] if only.path().is_dir() && only.file_name() != "sparse" => root = only.path(),
                 _ => return root,
             }
         }
     }
+}
+
+/// Whether a file is a text that is no model of COLMAP.
+fn is_note(path: &Path) -> bool {
+    let is_text = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("txt"));
+    let of_model = ["cameras", "images", "points3D", "rigs", "frames"];
+    is_text
+        && path.is_file()
+        && path.file_stem().is_some_and(|stem| of_model.iter().all(|name| stem != *name))
 }
 
 /// Whether a path names an archive.
@@ -189,6 +200,7 @@ mod tests {
             ("__MACOSX/garden/images/._p01.png", vec![0; 32]),
             ("__MACOSX/._garden.txt", vec![0; 32]),
             ("garden/._notes.csv", vec![0; 32]),
+            ("README.txt", b"a note".to_vec()),
             ("garden/images/._p01.png", vec![0; 32]),
         ];
         let names: Vec<String> = scene.images.iter().map(|i| format!("garden/images/{}", i.name)).collect();
