@@ -3,7 +3,11 @@
 //! Camera axes follow COLMAP and OpenCV: x right, y down, z forward. A pixel's centre lies at its
 //! integer index + 0.5. There is no lens distortion here; `capture` removes it on load.
 
+mod level;
 pub mod orbit;
+pub mod up;
+#[cfg(test)]
+mod up_tests;
 
 use glam::{DMat3, DVec2, DVec3};
 use serde::{Deserialize, Serialize};

@@ -3,6 +3,7 @@
 
 use crate::Result;
 use crate::camera::Camera;
+use crate::camera::up::{self, Up};
 use crate::image::TargetImage;
 use glam::DVec3;
 use std::sync::Arc;
@@ -49,6 +50,11 @@ pub trait ViewSource: Sync {
 
     /// Camera of a view, at the size of training and evaluation.
     fn camera(&self, view: usize) -> Camera;
+
+    /// Which direction of the capture is up, by the cameras of all views; the local frame is not turned from the capture's.
+    fn up(&self) -> Up {
+        up::find((0..self.num_views()).map(|v| self.camera(v).camera_from_local.rotation), None)
+    }
 
     /// The photo, of the camera's size. May block while it is decoded.
     ///

@@ -23,7 +23,7 @@ fn commands_of_help() -> Vec<(String, String)> {
     assert_eq!(code, 0);
     let rows = help.lines().skip_while(|l| *l != "Commands:").skip(1).take_while(|l| !l.is_empty());
     rows.filter_map(|row| row.trim().split_once("  "))
-        .map(|(name, about)| (name.to_owned(), about.trim().to_owned()))
+        .map(|(name, about)| (name.to_owned(), about.trim().split(" [alias").next().unwrap().to_owned()))
         .filter(|(name, _)| name != "help")
         .collect()
 }

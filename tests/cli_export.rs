@@ -5,6 +5,7 @@
 mod common;
 
 use common::cli::{bad, good, json, litetex, text};
+use litetex_exporters::{Quality, ReadLimits, WriteOptions, read_asset, write_asset};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
@@ -606,4 +607,107 @@ fn files_to_write_are_given_with_the_flag_or_behind_the_source() {
     assert_eq!(std::fs::read(at("b.ply")).unwrap(), std::fs::read(at("c.ply")).unwrap());
     let (code, message) = bad(&["convert", text(&at("a.glb"))]);
     assert!(code == 2 && message.contains("<FILE>"), "{message}");
+}
+
+#[test]
+fn georeferenced_scenes_are_moved_to_the_origin_where_files_cannot_hold_them() {
+    let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
+    let at = |name: &str| folder.path().join(name);
+    let (near, far) = (at("near.glb"), at("far.glb"));
+    good(&["export", text(run), "-o", text(&near), "--quality", "lossless", "--no-verify"]);
+    let mut scene = read_asset(&near, &ReadLimits::default()).unwrap().asset;
+    let place = [512_345.5, 4_512_345.25, 101.0];
+    scene.capture_from_local.translation =
+        std::array::from_fn(|i| scene.capture_from_local.translation[i] + place[i]);
+    let options = WriteOptions { quality: Quality::Lossless, ..WriteOptions::default() };
+    write_asset(&far, &scene, &options).unwrap();
+    let export = |source: &Path, name: &str, more: &[&str]| {
+        litetex(
+            &[&["export", text(source), "-o", text(&at(name)), "--force", "--device", "cpu"], more].concat(),
+        )
+    };
+    let message = |output: &std::process::Output| String::from_utf8_lossy(&output.stderr).into_owned();
+    for (name, code, words) in [
+        ("a.ply", 1, "f32 cannot hold coordinates of up to 4.512e6 units"),
+        ("a.spz", 3, "SPZ holds coordinates up to 524,287 units; these reach 4.512e6"),
+    ] {
+        let output = export(&far, name, &[]);
+        let said = message(&output);
+        assert_eq!(output.status.code(), Some(code), "{said}");
+        assert!(said.contains(words) && said.contains("--origin auto") && said.contains(name), "{said}");
+        assert!(!at(name).exists());
+        for origin in ["auto", "512345,4512345,101"] {
+            let output = export(&far, name, &["--origin", origin]);
+            assert!(
+                output.status.success() && !message(&output).contains("cannot hold"),
+                "{}",
+                message(&output)
+            );
+            let verdict = json(&["verify", text(&at(name)), "--against", text(&far), "--device", "cpu"]);
+            assert_eq!(verdict["verified"], true, "{verdict}");
+        }
+        // Other coordinates lie elsewhere: verification finds it.
+        let (code, said) = bad(&["verify", text(&at(name)), "--against", text(&near), "--device", "cpu"]);
+        assert_eq!(code, 1, "negative control: {said}");
+        // Reading undoes it, and the next file is where the capture was.
+        let back = at("back.glb");
+        good(&["convert", text(&at(name)), text(&back), "--origin", "0,0,0", "--no-verify", "--force"]);
+        let bounds = &json(&["inspect", text(&back)])["model"]["bounds_in_world"];
+        for (axis, expected) in place.iter().enumerate() {
+            let found = bounds["min"][axis].as_f64().unwrap();
+            assert!((found - expected).abs() < 100.0, "{axis}: {bounds}");
+        }
+    }
+    let ply = std::fs::read(at("a.ply")).unwrap();
+    assert!(ply.windows(34).any(|w| w == b"comment origin: 512345 4512345 101"), "in the header");
+    // The other formats hold it as it is.
+    for name in ["b.glb", "b.usda", "b.ltgs", "b.html"] {
+        let output = export(&far, name, &["--quality", "lossless"]);
+        assert!(output.status.success() && !message(&output).contains("origin"), "{}", message(&output));
+        let verdict = json(&["verify", text(&at(name)), "--against", text(&far), "--device", "cpu"]);
+        assert_eq!(verdict["verdict"]["largest"], 0.0, "{name}: {verdict}");
+    }
+    assert!(!message(&export(&near, "near.ply", &[])).contains("origin"), "negative control");
+}
+
+#[test]
+fn splats_of_other_programs_lose_the_broken_ones_and_no_more() {
+    let folder = tempfile::tempdir().unwrap();
+    let names = "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
+    let properties: String = names.split(' ').map(|name| format!("property float {name}\n")).collect();
+    let file = |name: &str, num_broken: u16| {
+        let path = folder.path().join(name);
+        let mut bytes =
+            format!("ply\nformat binary_little_endian 1.0\nelement vertex 200\n{properties}end_header\n")
+                .into_bytes();
+        for i in 0..200_u16 {
+            let x = if (7..7 + num_broken).contains(&i) { f32::NAN } else { f32::from(i) };
+            let row = [x, 0.0, 0.0, 0.1, 0.2, 0.3, 2.0, -3.0, -3.0, -9.0, 1.0, 0.0, 0.0, 0.0];
+            bytes.extend(row.iter().flat_map(|v: &f32| v.to_le_bytes()));
+        }
+        std::fs::write(&path, bytes).unwrap();
+        path
+    };
+    let glb = folder.path().join("out.glb");
+    let convert =
+        |source: &Path| litetex(&["convert", text(source), text(&glb), "--force", "--device", "cpu"]);
+    for (num_broken, words) in [
+        (1, Some("1 of 200 splats is broken and left out: splat 7: position [NaN, 0.0, 0.0] is not finite")),
+        (20, Some("20 of 200 splats are broken and left out: 7, 8, 9, 10, 11 and 15 more; splat 7")),
+        (0, None),
+    ] {
+        let output = convert(&file("some.ply", num_broken));
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{said}");
+        assert_eq!(words.is_some_and(|words| said.contains(words)), words.is_some(), "{said}");
+        assert_eq!(said.contains("broken"), num_broken > 0, "{said}");
+        assert_eq!(json(&["inspect", text(&glb)])["model"]["splats"], 200 - num_broken);
+    }
+    let output = convert(&file("many.ply", 21));
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(3), "{said}");
+    assert!(
+        said.contains("21 of 200 splats are broken, more than 10 %") && said.contains("many.ply"),
+        "{said}"
+    );
 }

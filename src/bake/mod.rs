@@ -5,6 +5,7 @@ mod cameras;
 mod model_from_asset;
 
 use crate::Report;
+use crate::camera::up::Up;
 use crate::constants::sh_coefficients;
 use crate::model::{Filter, Model, TextureMap, texel_value};
 pub use cameras::{AssetViews, asset_camera, asset_cameras, camera};
@@ -63,6 +64,12 @@ pub fn bake(
         report.warn("splats-not-drawable", dropped.len(), what);
     }
     asset
+}
+
+/// Stands an asset upright in files, and notes why there.
+pub fn set_up(asset: &mut SplatAsset, up: &Up) {
+    asset.set_up(up.in_capture.to_array());
+    asset.provenance.up = up.words();
 }
 
 /// Activates one splat and its map and appends them; `None`, and no change, if no renderer can draw it.

@@ -3,17 +3,11 @@
 use super::{Camera, RigidTransform};
 use glam::{DMat3, DVec3};
 
-/// `count` cameras on a circle. Its centre is the point nearest to all optical axes, its axis the mean
-/// upward direction, its radius and height the cameras' medians; the lens is the first camera's. Empty without
+/// `count` cameras on a circle. Its centre is the point nearest to all optical axes, its axis is `up`, a
+/// unit vector of the local frame, its radius and height the cameras' medians; the lens is the first camera's. Empty without
 /// cameras.
-pub fn orbit(views: &[Camera], count: u32) -> Vec<Camera> {
+pub fn orbit(views: &[Camera], up: DVec3, count: u32) -> Vec<Camera> {
     let Some(first) = views.first() else { return Vec::new() };
-    let up = views
-        .iter()
-        .map(|c| -c.camera_from_local.rotation.row(1))
-        .sum::<DVec3>()
-        .try_normalize()
-        .unwrap_or(DVec3::NEG_Y);
     let target = nearest_to_axes(views);
     let offsets: Vec<DVec3> = views.iter().map(|c| c.centre_in_local() - target).collect();
     let height = median(offsets.iter().map(|o| o.dot(up)).collect());
@@ -93,7 +87,7 @@ mod tests {
         let target = DVec3::new(1.0, -2.0, 3.0);
         let up = DVec3::new(0.1, -0.9, 0.2).normalize();
         let given = ring(target, up);
-        let orbit = orbit(&given, 12);
+        let orbit = orbit(&given, up, 12);
         assert_eq!(orbit.len(), 12);
         assert!(orbit[0].centre_in_local().distance(given[0].centre_in_local()) < 1e-9);
         for camera in &orbit {
@@ -109,10 +103,10 @@ mod tests {
     #[test]
     fn an_orbit_of_parallel_cameras_is_finite_and_without_cameras_empty() {
         let camera = Camera { pinhole: LENS, camera_from_local: RigidTransform::IDENTITY };
-        for c in orbit(&[camera, camera], 3) {
+        for c in orbit(&[camera, camera], DVec3::NEG_Y, 3) {
             assert!(c.camera_from_local.translation.is_finite());
             assert!(c.camera_from_local.rotation.is_finite());
         }
-        assert!(orbit(&[], 3).is_empty());
+        assert!(orbit(&[], DVec3::NEG_Y, 3).is_empty());
     }
 }

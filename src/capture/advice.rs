@@ -92,15 +92,20 @@ fn photos_in(folder: &Path) -> BTreeMap<PathBuf, BTreeSet<PathBuf>> {
     while let Some((folder, depth)) = folders.pop() {
         for path in std::fs::read_dir(&folder).into_iter().flatten().flatten().map(|entry| entry.path()) {
             if path.is_dir() {
-                if depth < DEPTH_MAX {
+                if depth < DEPTH_MAX && !is_of_macos(&path) {
                     folders.push((path, depth + 1));
                 }
-            } else if has_extension(&path, &READ) || has_extension(&path, &CONVERTED) {
+            } else if (has_extension(&path, &READ) || has_extension(&path, &CONVERTED)) && !is_of_macos(&path)
+            {
                 found.entry(folder.clone()).or_default().insert(path);
             }
         }
     }
     found
+}
+
+fn is_of_macos(path: &Path) -> bool {
+    path.file_name().is_some_and(super::folder::is_of_macos)
 }
 
 /// The folder that two paths share.
@@ -206,6 +211,7 @@ mod tests {
             (&["images/a/1.jpg", "images/a/2.jpg"], "F/images", "litetex train F -o"),
             (&["my photos/1.jpg", "my photos/2.webp"], "'F/my photos'", "train F --images 'my photos' -o"),
             (&["day/1.jpg", "night/1.jpg"], "F", "litetex train F -o"),
+            (&["p/1.jpg", "p/2.jpg", "p/._1.jpg", "__MACOSX/p/._2.jpg"], "F/p", "train F --images p -o"),
         ] {
             let text = advice(names).unwrap();
             assert_eq!(text.matches(&format!("--image_path {photos}")).count(), 2, "{text}");

@@ -1,11 +1,19 @@
 //! Checks all photos by decoding them: an error if one cannot be read, warnings about those that decode but are
 //! useless or misleading for training.
 
+use super::frame::median;
 use super::loaded::{Capture, View};
 use super::source::{first_names, first_paths};
 use super::store::CheckedPhoto;
 use crate::views::Split;
 use crate::{Error, Report, Result};
+
+/// Median share of the pixels left out above which masks are taken for inverted ones: objects that fill a tenth of their
+/// photos are rarely masked.
+const MASKED_SHARE_MAX: f64 = 0.9;
+
+/// What to do about masks that leave out too much.
+const INVERTED: &str = "white pixels count; if black ones should, the masks are inverted: --set capture.mask-invert=true (inspect: --mask-invert)";
 
 impl Capture {
     /// Decodes every photo and mask once, so that a damaged one is found before training and not during it.
@@ -27,10 +35,11 @@ fn summed_up(views: &[View], outcomes: Vec<Result<CheckedPhoto>>) -> Result<Repo
     let unreadable: Vec<&str> =
         views.iter().zip(&outcomes).filter(|(_, o)| o.is_err()).map(|(v, _)| v.name.as_str()).collect();
     let mut report = Report::default();
-    let (mut cut_off, mut masked_out) = (Vec::new(), Vec::new());
+    let (mut cut_off, mut masked_out, mut masked_shares) = (Vec::new(), Vec::new(), Vec::new());
     for (view, outcome) in views.iter().zip(outcomes) {
         let photo = outcome.map_err(|e| with_others(e, &unreadable[1..]))?;
         cut_off.extend(photo.cut_off);
+        masked_shares.extend(photo.masked_share.map(|share| (view.name.as_str(), share)));
         if !photo.has_pixels && view.split == Split::Train {
             masked_out.push(view.name.as_str());
         }
@@ -45,14 +54,33 @@ fn summed_up(views: &[View], outcomes: Vec<Result<CheckedPhoto>>) -> Result<Repo
     }
     if !masked_out.is_empty() {
         let what = format!(
-            "the masks of {} training views exclude every pixel, so nothing is learnt from them: {}; white pixels count, \
-             unless capture.mask-invert is set",
+            "the masks of {} training views exclude every pixel, so nothing is learnt from them: {}; {INVERTED}",
             masked_out.len(),
             first_names(masked_out.iter().copied())
         );
         report.warn("views-masked-out", masked_out.len(), what);
     }
+    warn_of_nearly_all_masked(&masked_shares, &mut report);
     Ok(report)
+}
+
+/// Warns if masks, given by view and share of the pixels left out, leave out nearly everything in most of the views.
+fn warn_of_nearly_all_masked(masked_shares: &[(&str, f64)], report: &mut Report) {
+    let median_share = median(masked_shares.iter().map(|&(_, share)| share).collect()).unwrap_or(0.0);
+    let over: Vec<&str> =
+        masked_shares.iter().filter(|(_, share)| *share > MASKED_SHARE_MAX).map(|&(name, _)| name).collect();
+    if median_share <= MASKED_SHARE_MAX {
+        return;
+    }
+    let what = format!(
+        "masks leave out more than {:.0} % of the pixels in {} of {} views, {:.1} % in the median: {}; {INVERTED}",
+        100.0 * MASKED_SHARE_MAX,
+        over.len(),
+        masked_shares.len(),
+        100.0 * median_share,
+        first_names(over.iter().copied())
+    );
+    report.warn("views-nearly-masked-out", over.len(), what);
 }
 
 /// The same error, telling which other views have one.

@@ -2,6 +2,7 @@
 //! which files and sizes, `store.rs` keeps the results.
 
 use super::lens::Lens;
+use super::options::PHOTO_MEMORY_BYTES;
 use super::photos::{FileKind, image_error, open};
 use super::warp::Warp;
 use super::{exr_photo, photos};
@@ -32,12 +33,23 @@ pub(crate) struct Recipe {
     pub mask_invert: bool,
     /// The lens at the size that the pose file states; scaled to the photo here.
     pub lens: Lens,
+    /// Focal length of the target image's camera over that of the lens.
+    pub focal_scale: f64,
+    /// Most memory for decoding a file.
+    pub memory_bytes: u64,
     /// Size of the target image.
     pub size: (u32, u32),
     /// Display space, 0 to 1.
     pub background: [f32; 3],
     /// Whether alpha is kept beside the colours, which are those over black then.
     pub keep_alpha: bool,
+}
+
+/// A target image, and what its mask leaves out.
+pub(crate) struct Decoded {
+    pub image: TargetImage,
+    /// Share of the pixels that the photo shows; 0 without mask.
+    pub masked_share: f64,
 }
 
 /// Colours of a target image, and where they are valid. `[height, width]`, colours three for each pixel
@@ -71,31 +83,36 @@ impl Recipe {
 
     /// Whether the photo has a pixel that is not opaque; decodes it if its file has an alpha channel.
     pub fn is_translucent(&self) -> Result<bool> {
-        Ok(self.has_alpha && read_pixels(&self.photo)?.into_rgba8().pixels().any(|p| p.0[3] < u8::MAX))
+        Ok(self.has_alpha
+            && read_pixels(&self.photo, self.memory_bytes)?.into_rgba8().pixels().any(|p| p.0[3] < u8::MAX))
     }
 
     /// Makes the target image.
-    pub fn decode(&self) -> Result<TargetImage> {
+    pub fn decode(&self) -> Result<Decoded> {
         let Colours { rgb, alpha, valid } = self.colours()?;
+        let mut masked_share = 0.0;
         let mut mask = valid;
         if let Some(path) = &self.mask {
-            let kept = self.kept(path)?;
-            match &mut mask {
-                Some(mask) => mask.iter_mut().zip(kept).for_each(|(m, k)| *m = (*m).min(k)),
-                None => mask = Some(kept),
+            let shown = mask.as_ref().map_or(rgb.len() / 3, |mask| count_kept(mask));
+            let mut kept = self.kept(path)?;
+            if let Some(valid) = mask {
+                kept.iter_mut().zip(valid).for_each(|(kept, valid)| *kept = valid.min(*kept));
             }
+            masked_share = 1.0 - count_kept(&kept) as f64 / shown.max(1) as f64;
+            mask = Some(kept);
         }
-        Ok(TargetImage {
+        let image = TargetImage {
             width_px: self.size.0,
             height_px: self.size.1,
             rgb,
             mask: mask.filter(|m| m.contains(&0)),
             alpha,
-        })
+        };
+        Ok(Decoded { image, masked_share })
     }
 
     fn read(&self, path: &Path) -> Result<DynamicImage> {
-        let mut photo = read_pixels(path)?;
+        let mut photo = read_pixels(path, self.memory_bytes)?;
         photo.apply_orientation(self.turn);
         Ok(photo)
     }
@@ -104,7 +121,8 @@ impl Recipe {
     fn warp(&self, (width, height): (u32, u32)) -> Option<Warp> {
         self.lens
             .is_distorted()
-            .then(|| Warp::new(Lens { pinhole: self.lens.pinhole.resized(width, height), ..self.lens }))
+            .then(|| Lens { pinhole: self.lens.pinhole.resized(width, height), ..self.lens })
+            .map(|lens| Warp::new(lens, self.focal_scale))
     }
 
     fn colours(&self) -> Result<Colours> {
@@ -184,7 +202,7 @@ impl Recipe {
 
     /// The mask at the size of the target image, 255 where pixels count.
     fn kept(&self, path: &Path) -> Result<Vec<u8>> {
-        let mut mask = read_pixels(path)?;
+        let mut mask = read_pixels(path, self.memory_bytes)?;
         let stored = (mask.width(), mask.height());
         if self.turn != Orientation::NoTransforms && is_landscape(stored) != is_landscape(self.photo_size) {
             mask.apply_orientation(self.turn);
@@ -203,7 +221,7 @@ impl Recipe {
                 self.photo_size.1
             ));
         }
-        let pixels = mask.into_luma8().into_raw();
+        let pixels = alpha_as_mask(&mask).unwrap_or_else(|| mask.into_luma8().into_raw());
         let (means, _) = self.reduce(size, |i| [f32::from(pixels[i])]);
         Ok(means.into_iter().map(|mean| if (mean >= 128) != self.mask_invert { 255 } else { 0 }).collect())
     }
@@ -220,12 +238,34 @@ fn in_turn(photo_bytes: u64, colours_bytes: u64, mask_bytes: u64) -> u64 {
     }
 }
 
-/// The pixels as stored, in display space.
-fn read_pixels(path: &Path) -> Result<DynamicImage> {
+/// Pixels that a mask keeps.
+fn count_kept(mask: &[u8]) -> usize {
+    mask.iter().filter(|&&m| m != 0).count()
+}
+
+/// The alpha of a mask that holds it there: cut-outs, whose colours are the photo's. `None` if alpha says nothing.
+/// `[height, width]`, 255 opaque
+fn alpha_as_mask(mask: &DynamicImage) -> Option<Vec<u8>> {
+    let alpha: Vec<u8> = match mask {
+        DynamicImage::ImageLumaA8(mask) => mask.pixels().map(|p| p.0[1]).collect(),
+        DynamicImage::ImageRgba8(mask) => mask.pixels().map(|p| p.0[3]).collect(),
+        DynamicImage::ImageLumaA16(mask) => mask.pixels().map(|p| (p.0[1] >> 8) as u8).collect(),
+        DynamicImage::ImageRgba16(mask) => mask.pixels().map(|p| (p.0[3] >> 8) as u8).collect(),
+        _ => return None,
+    };
+    alpha.iter().any(|&a| a < u8::MAX).then_some(alpha)
+}
+
+/// The pixels as stored, in display space. Decoders may take as many bytes for them as given.
+fn read_pixels(path: &Path, memory_bytes: u64) -> Result<DynamicImage> {
     if photos::kind(path)? == FileKind::Exr {
         return exr_photo::read(path);
     }
-    open(path)?.decode().map_err(|e| image_error(path, e))
+    let mut reader = open(path)?;
+    let mut limits = image::Limits::default();
+    limits.max_alloc = limits.max_alloc.max(Some(memory_bytes));
+    reader.limits(limits);
+    reader.decode().map_err(|e| image_error(path, e))
 }
 
 /// An image as its file has it: width, height and display-space values `[height, width, 3]`; alpha is dropped.
@@ -233,7 +273,7 @@ fn read_pixels(path: &Path) -> Result<DynamicImage> {
 /// # Errors
 /// [`crate::Error::InvalidInput`] or [`crate::Error::Unsupported`] if it cannot be decoded.
 pub fn read_image(path: &Path) -> Result<(u32, u32, Vec<f32>)> {
-    let photo = read_pixels(path)?;
+    let photo = read_pixels(path, PHOTO_MEMORY_BYTES)?;
     let (width, height) = (photo.width(), photo.height());
     Ok((width, height, photo.into_rgb8().into_raw().into_iter().map(|v| f32::from(v) / 255.0).collect()))
 }

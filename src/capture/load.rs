@@ -2,16 +2,18 @@
 //! split, and move everything into the local frame.
 
 use super::decode::Recipe;
-use super::folder::{CaptureFolder, PhotoFolder, is_inside};
+use super::folder::{CaptureFolder, PhotoFolder, is_inside, is_there};
 use super::loaded::{Capture, View};
-use super::options::{CaptureFormat, LoadOptions};
-use super::photos::{bounded, fit, photo_header, swaps_sides};
+use super::options::{CaptureFormat, ExifTurn, LoadOptions};
+use super::photos::{bounded, fit, photo_header, swaps_sides, turn_is_open};
 use super::pose_format::Found;
 use super::source::{Source, SourceView, first_names, first_paths};
 use super::store::ImageStore;
 use super::zipped::Unpacked;
-use super::{advice, elsewhere, far, formats, frame, health, left_out, overlap, plausible, split, zipped};
-use crate::camera::{Camera, Similarity};
+use super::{
+    advice, elsewhere, far, formats, frame, health, left_out, overlap, plausible, split, undistortion, zipped,
+};
+use crate::camera::{Camera, Similarity, up};
 use crate::text::{self, quoted};
 use crate::views::Split;
 use crate::{Error, Report, Result};
@@ -93,19 +95,28 @@ fn load_folder(path: &Path, options: &LoadOptions, archive: Option<&Unpacked>) -
     find_photos(&mut source, &photos, &mut report)?;
     let masks = find_masks(&folder, &mut source, options, &mut report)?;
     warn_of_files_outside(&folder.root, &source, &[Some(photos), masks], &mut report);
-    let splits = split::assign(&mut source.views, options)?;
+    let (splits, split_by) = split::assign(&source.views, source.split_by.as_deref(), options)?;
     if !splits.contains(&Split::Train) {
         return Err(invalid!(
             &source.path,
-            "all {} views are held out; hold out fewer with --test-every or --test-list",
+            "all {} views are held out by {split_by}; hold out fewer with --test-every or --test-list",
             splits.len()
         ));
     }
-    let recipes: Vec<Recipe> =
+    let made: Vec<(Recipe, bool)> =
         source.views.par_iter().map(|view| recipe(view, options)).collect::<Result<_>>()?;
+    let open = source.views.iter().zip(&made).filter(|(_, made)| made.1).map(|(view, _)| view.name.as_str());
+    warn_of_open_turns(&open.collect::<Vec<_>>(), &mut report);
+    let recipes: Vec<Recipe> = made.into_iter().map(|(recipe, _)| recipe).collect();
+    let undistortion = undistortion::check(&source.views, &recipes, &mut report);
     plausible::check(&source.views, &recipes, &mut report);
     let views = views(&source.views, &recipes, &splits, &capture_from_local);
     overlap::check(&views, &source, &capture_from_local, &mut report);
+    // The local frame is not turned.
+    let up = up::find(views.iter().map(|v| v.camera.camera_from_local.rotation), source.stated_up);
+    if let Some(disagreement) = up.disagreement() {
+        report.warn("up-not-as-stated", 1, disagreement);
+    }
     Ok(Capture {
         name: name_of(&folder.root),
         format,
@@ -113,8 +124,11 @@ fn load_folder(path: &Path, options: &LoadOptions, archive: Option<&Unpacked>) -
         views,
         points: source.points,
         capture_from_local,
+        up,
         near,
         health,
+        split_by,
+        undistortion,
         report,
         store: ImageStore::new(recipes, options.image_cache_bytes),
         root: folder.root,
@@ -261,7 +275,8 @@ fn find_photos(source: &mut Source, folder: &PhotoFolder, report: &mut Report) -
     Ok(())
 }
 
-/// Gives the views their masks; the folder of the masks, if there is one.
+/// Gives the views their masks: those of the folder of masks, if there is one, and those that the poses name. Returns
+/// the folder.
 fn find_masks(
     folder: &CaptureFolder,
     source: &mut Source,
@@ -269,26 +284,38 @@ fn find_masks(
     report: &mut Report,
 ) -> Result<Option<PhotoFolder>> {
     let masks = match &options.masks {
-        Some(masks) => folder.given(masks, "--masks")?,
-        None if folder.root.join("masks").is_dir() => folder.photos("masks"),
-        None => return Ok(None),
+        Some(masks) => Some(folder.given(masks, "--masks")?),
+        None if folder.root.join("masks").is_dir() => Some(folder.photos("masks")),
+        None => None,
     };
+    let mut named = None;
     for view in &mut source.views {
-        view.mask = masks.find_mask(&view.name)?.or(view.mask.take());
+        if view.mask.is_some() {
+            named.clone_from(&view.mask);
+        }
+        // A mask that is named and not there is missing like one that is not in the folder.
+        view.mask = view.mask.take().filter(|mask| is_there(mask));
+        if let Some(masks) = &masks {
+            view.mask = masks.find_mask(&view.name)?.or(view.mask.take());
+        }
     }
     let without: Vec<&str> =
         source.views.iter().filter(|v| v.mask.is_none()).map(|v| v.name.as_str()).collect();
+    let place = match (&masks, &named) {
+        (Some(masks), _) => text::path(masks.path()),
+        (None, Some(named)) => format!("the files that the poses name, such as {}", text::path(named)),
+        (None, None) => return Ok(None),
+    };
     if !without.is_empty() {
         let what = format!(
-            "{} of {} views have no mask in {}, so all their pixels count: {}",
+            "{} of {} views have no mask in {place}, so all their pixels count: {}",
             without.len(),
             source.views.len(),
-            text::path(masks.path()),
             first_names(without.iter().copied())
         );
         report.warn("views-without-mask", without.len(), what);
     }
-    Ok(Some(masks))
+    Ok(masks)
 }
 
 /// A capture whose files lie elsewhere cannot be moved or shared, and may be a mistake. Folders that the
@@ -310,14 +337,14 @@ fn warn_of_files_outside(root: &Path, source: &Source, named: &[Option<PhotoFold
     }
 }
 
-fn recipe(view: &SourceView, options: &LoadOptions) -> Result<Recipe> {
+fn recipe(view: &SourceView, options: &LoadOptions) -> Result<(Recipe, bool)> {
     let photo = view.photo.clone().unwrap_or_default();
     let header = photo_header(&photo)?;
-    let (photo_size, turn) = fit(&photo, &view.name, &view.lens, &header)?;
+    let (photo_size, turn) = fit(&photo, &view.name, &view.lens, &header, options.exif)?;
     // An unreadable mask is reported when it is decoded.
     let mask_header = view.mask.as_ref().and_then(|mask| photo_header(mask).ok());
     let turns = swaps_sides(turn);
-    Ok(Recipe {
+    let recipe = Recipe {
         photo,
         photo_size,
         turn,
@@ -327,10 +354,41 @@ fn recipe(view: &SourceView, options: &LoadOptions) -> Result<Recipe> {
         mask_bytes: mask_header.map_or(0, |header| header.mask_bytes(turns)),
         mask_invert: options.mask_invert,
         lens: view.lens,
+        focal_scale: undistortion::focal_scale(&view.lens, options.undistort_focal),
+        memory_bytes: options.photo_memory_bytes,
         size: bounded(photo_size, options.max_resolution),
         background: options.background,
         keep_alpha: options.keep_alpha,
-    })
+    };
+    let needed_bytes = recipe.working_bytes();
+    if needed_bytes > options.photo_memory_bytes {
+        return Err(unsupported!(
+            &recipe.photo,
+            "decoding this photo of {}x{} pixels takes {} of memory, and one photo may take {}; allow more with --set \
+             capture.photo-memory-bytes={needed_bytes} (inspect: --photo-memory {}GiB), or use smaller copies with --images",
+            photo_size.0,
+            photo_size.1,
+            text::format_bytes(needed_bytes),
+            text::format_bytes(options.photo_memory_bytes),
+            needed_bytes.div_ceil(1 << 30)
+        ));
+    }
+    let is_open = options.exif == ExifTurn::Auto && turn_is_open(&view.lens, &header);
+    Ok((recipe, is_open))
+}
+
+/// Warns of photos whose EXIF data ask for a turn that their sides do not show.
+fn warn_of_open_turns(names: &[&str], report: &mut Report) {
+    if !names.is_empty() {
+        let what = format!(
+            "the EXIF data of {} photos ask to turn or mirror them, and their sides do not show whether the poses were \
+             computed from turned photos; they are taken as stored: {}; if views fit badly, --set capture.exif=apply turns \
+             them (inspect: --exif apply), capture.exif=ignore confirms this",
+            names.len(),
+            first_names(names.iter().copied())
+        );
+        report.warn("photos-turned-by-exif", names.len(), what);
+    }
 }
 
 fn views(
@@ -348,9 +406,7 @@ fn views(
             split,
             camera: Camera {
                 // In two steps: a scaled copy of the photo may have rounded sides.
-                pinhole: view
-                    .lens
-                    .pinhole
+                pinhole: undistortion::pinhole(recipe)
                     .resized(recipe.photo_size.0, recipe.photo_size.1)
                     .resized(recipe.size.0, recipe.size.1),
                 camera_from_local: capture_from_local.rebase_camera(&view.camera_from_capture),

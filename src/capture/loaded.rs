@@ -3,7 +3,9 @@
 use super::health::SparseHealth;
 use super::options::CaptureFormat;
 use super::store::ImageStore;
+use super::undistortion::Undistortion;
 use super::zipped::Unpacked;
+use crate::camera::up::Up;
 use crate::camera::{Camera, Similarity};
 use crate::image::TargetImage;
 use crate::views::{SfmPoint, Split, ViewSource};
@@ -38,10 +40,16 @@ pub struct Capture {
     pub points: Vec<SfmPoint>,
     /// Undoes the local frame, in which the extent of the capture is 1.
     pub capture_from_local: Similarity,
+    /// Which direction is up.
+    pub up: Up,
     /// Distance of the near plane, local units.
     pub near: f32,
     /// How plausible the sparse reconstruction looks, where there is one.
     pub health: Option<SparseHealth>,
+    /// What decided the split, for people: a list, files of the capture or `--test-every`.
+    pub split_by: String,
+    /// What undistortion keeps of the photos; `None` if no lens is distorted.
+    pub undistortion: Option<Undistortion>,
     /// Warnings: what was left out, chosen among several or looks wrong.
     pub report: Report,
     pub(super) store: ImageStore,
@@ -50,6 +58,12 @@ pub struct Capture {
 }
 
 impl Capture {
+    /// How many views are held out, and why.
+    pub fn held_out(&self) -> String {
+        let test = self.indices(Split::Test).len();
+        format!("{test} of {} views are held out: {}", self.views.len(), self.split_by)
+    }
+
     /// Most memory that decoding takes if `threads` photos are requested at once.
     pub fn decoding_bytes(&self, threads: usize) -> u64 {
         self.store.decoding_bytes(threads)
@@ -84,6 +98,10 @@ impl ViewSource for Capture {
 
     fn camera(&self, view: usize) -> Camera {
         self.views[view].camera
+    }
+
+    fn up(&self) -> Up {
+        self.up
     }
 
     fn target(&self, view: usize) -> Result<Arc<TargetImage>> {

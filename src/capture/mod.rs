@@ -22,6 +22,8 @@ mod loaded;
 mod options;
 mod overlap;
 mod photos;
+#[cfg(test)]
+mod photos_tests;
 mod plausible;
 mod pose_format;
 mod source;
@@ -31,6 +33,7 @@ mod store;
 mod strangers_tests;
 #[cfg(test)]
 mod tests;
+mod undistortion;
 mod warp;
 #[cfg(test)]
 mod warp_tests;
@@ -40,4 +43,5 @@ pub use decode::read_image;
 pub use formats::ply::read_points as read_ply_points;
 pub use health::SparseHealth;
 pub use loaded::{Capture, View};
-pub use options::{CaptureFormat, LoadOptions};
+pub use options::{CaptureFormat, ExifTurn, LoadOptions, UndistortFocal};
+pub use undistortion::Undistortion;

@@ -7,6 +7,9 @@ use std::fmt;
 use std::path::PathBuf;
 use std::str::FromStr;
 
+/// Memory for decoding one photo, unless the user says otherwise.
+pub(crate) const PHOTO_MEMORY_BYTES: u64 = 3 << 30;
+
 /// A kind of pose file.
 #[derive(Clone, Copy, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
@@ -78,6 +81,30 @@ impl fmt::Debug for CaptureFormat {
     }
 }
 
+/// What is made of the orientation in a photo's EXIF data.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ExifTurn {
+    /// The photo is turned where its sides fit its camera only then.
+    #[default]
+    Auto,
+    /// Photos are taken as stored.
+    Ignore,
+    /// Photos are turned as their EXIF data ask.
+    Apply,
+}
+
+/// The focal length of the pinhole image that a photo is undistorted to.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum UndistortFocal {
+    /// That of the lens: the middle of the photo keeps its scale.
+    #[default]
+    Lens,
+    /// A shorter one where the pinhole image keeps more of the photo then.
+    Auto,
+}
+
 /// How a capture is read. Each default names its source, as in `TrainConfig`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
@@ -107,6 +134,15 @@ pub struct LoadOptions {
     pub test_every: usize,
     /// File with the names of the views to hold out, one per line; takes precedence over every other rule.
     pub test_list: Option<PathBuf>,
+    /// Whether photos are turned as their EXIF data ask. Default `auto`: pose solvers differ, and most photos show it by
+    /// their sides.
+    pub exif: ExifTurn,
+    /// Focal length of the pinhole images that photos are undistorted to. Default that of the lens (COLMAP's undistorter
+    /// changes it little).
+    pub undistort_focal: UndistortFocal,
+    /// Memory that decoding one photo may take, in bytes; photos that need more are refused. Default 3 GiB: 250 megapixels
+    /// of a progressive JPEG or of 16 bits (measured: 250 megapixels of 8 bits take 0.8 GiB).
+    pub photo_memory_bytes: u64,
     /// Memory for decoded photos, in bytes. Default 4 GiB (not measured; does not change the result).
     pub image_cache_bytes: u64,
 }
@@ -124,6 +160,9 @@ impl Default for LoadOptions {
             keep_far: false,
             test_every: 8,
             test_list: None,
+            exif: ExifTurn::Auto,
+            undistort_focal: UndistortFocal::Lens,
+            photo_memory_bytes: PHOTO_MEMORY_BYTES,
             image_cache_bytes: 4 << 30,
         }
     }

@@ -3,6 +3,7 @@
 
 use super::jpeg_frame::Frame;
 use super::lens::Lens;
+use super::options::ExifTurn;
 use super::{advice, exr_photo};
 use crate::text::quoted;
 use crate::{Error, Result, input_file};
@@ -153,32 +154,51 @@ fn same_shape((width, height): (u32, u32), lens: &Lens) -> bool {
     }
 }
 
+/// A size once turned.
+fn turned((width, height): (u32, u32), turn: Orientation) -> (u32, u32) {
+    if swaps_sides(turn) { (height, width) } else { (width, height) }
+}
+
 /// The photo's size as its camera has it, and the turn that leads there from its `header`.
 pub(crate) fn fit(
     path: &Path,
     name: &str,
     lens: &Lens,
     header: &PhotoHeader,
+    exif: ExifTurn,
 ) -> Result<((u32, u32), Orientation)> {
-    let stored = header.size;
-    if same_shape(stored, lens) {
-        // The pose solver saw the pixels as stored.
-        return Ok((stored, Orientation::NoTransforms));
+    let as_stored = (header.size, Orientation::NoTransforms);
+    let as_asked = (turned(header.size, header.turn), header.turn);
+    let candidates = match exif {
+        // The pose solver saw the pixels as stored, unless their sides say otherwise.
+        ExifTurn::Auto => [as_stored, as_asked],
+        ExifTurn::Ignore => [as_stored; 2],
+        ExifTurn::Apply => [as_asked; 2],
+    };
+    if let Some(fitting) = candidates.into_iter().find(|(size, _)| same_shape(*size, lens)) {
+        return Ok(fitting);
     }
-    let turned = (stored.1, stored.0);
-    if swaps_sides(header.turn) && same_shape(turned, lens) {
-        return Ok((turned, header.turn));
-    }
+    let (size, how) = match exif {
+        ExifTurn::Apply if swaps_sides(header.turn) => (as_asked.0, " once turned as its EXIF data ask"),
+        _ => (header.size, ""),
+    };
     Err(invalid!(
         path,
-        "size mismatch: photo {} has {}x{} pixels, its camera expects {}x{} or a scaled copy of \
+        "size mismatch: photo {} has {}x{} pixels{how}, its camera expects {}x{} or a scaled copy of \
          that; give the folder of the photos that the poses were computed from with --images",
         quoted(name),
-        stored.0,
-        stored.1,
+        size.0,
+        size.1,
         lens.pinhole.width_px,
         lens.pinhole.height_px
     ))
+}
+
+/// Whether the EXIF data of a photo ask for a turn, and its sides fit its camera with it and without.
+pub(crate) fn turn_is_open(lens: &Lens, header: &PhotoHeader) -> bool {
+    header.turn != Orientation::NoTransforms
+        && same_shape(header.size, lens)
+        && same_shape(turned(header.size, header.turn), lens)
 }
 
 /// The size reduced, if need be, so that the longer side keeps a bound.

@@ -41,6 +41,8 @@ pub(crate) struct Source {
     pub reprojection_error_px: Option<f64>,
     /// Names of views that were left out because their photo is missing.
     pub without_photo: Vec<String>,
+    /// What in the files decided the split, for people; `None` where they state none.
+    pub split_by: Option<String>,
     pub report: Report,
 }
 
@@ -55,6 +57,7 @@ impl Source {
             points_file: None,
             reprojection_error_px: None,
             without_photo: Vec::new(),
+            split_by: None,
             report: Report::default(),
         }
     }

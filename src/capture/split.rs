@@ -1,17 +1,22 @@
 //! Which views are held out.
 
+use super::folder::without_extension;
 use super::options::LoadOptions;
 use super::source::{SourceView, first_names};
-use crate::text::quoted;
+use crate::text::{path, quoted};
 use crate::views::Split;
 use crate::{Result, input_file};
 
 /// A million names take less.
 const LIST_BYTES_MAX: u64 = 64 << 20;
 
-/// Decides the split of views sorted by name: by the user's list, else as the files state, else every n-th
-/// view is held out, from the first on.
-pub(crate) fn assign(views: &mut [SourceView], options: &LoadOptions) -> Result<Vec<Split>> {
+/// Decides the split of views sorted by name, and says what decided it: the user's list, else what the files state
+/// (`split_by`), else every n-th view is held out, from the first on.
+pub(crate) fn assign(
+    views: &[SourceView],
+    split_by: Option<&str>,
+    options: &LoadOptions,
+) -> Result<(Vec<Split>, String)> {
     if let Some(list) = &options.test_list {
         let text = input_file::read_text(list, LIST_BYTES_MAX)?;
         let names: Vec<&str> =
@@ -26,13 +31,16 @@ pub(crate) fn assign(views: &mut [SourceView], options: &LoadOptions) -> Result<
                 quoted(views.first().map_or("", |v| &v.name))
             ));
         }
-        return Ok(views.iter().map(|v| side(names.iter().any(|n| is_named(v, n)))).collect());
+        let splits = views.iter().map(|v| side(names.iter().any(|n| is_named(v, n)))).collect();
+        return Ok((splits, format!("the names in {} (--test-list)", path(list))));
     }
     if views.iter().any(|v| v.split.is_some()) {
-        return Ok(views.iter().map(|v| v.split.unwrap_or(Split::Train)).collect());
+        let splits = views.iter().map(|v| v.split.unwrap_or(Split::Train)).collect();
+        return Ok((splits, split_by.unwrap_or("the capture's files").to_owned()));
     }
     let every = options.test_every;
-    Ok((0..views.len()).map(|index| side(every > 0 && index % every == 0)).collect())
+    let splits = (0..views.len()).map(|index| side(every > 0 && index % every == 0)).collect();
+    Ok((splits, format!("--test-every {every}; the capture states no split")))
 }
 
 fn side(is_test: bool) -> Split {
@@ -40,5 +48,5 @@ fn side(is_test: bool) -> Split {
 }
 
 fn is_named(view: &SourceView, name: &str) -> bool {
-    view.name == name || view.name.rsplit_once('.').is_some_and(|(stem, _)| stem == name)
+    view.name == name || without_extension(&view.name) == name
 }

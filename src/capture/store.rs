@@ -52,6 +52,8 @@ struct Shared {
 pub(crate) struct CheckedPhoto {
     /// Whether its mask leaves any pixel.
     pub has_pixels: bool,
+    /// Share of the pixels that its mask leaves out; `None` without mask.
+    pub masked_share: Option<f64>,
     /// Those of its files that end early but can be decoded.
     pub cut_off: Vec<PathBuf>,
 }
@@ -189,7 +191,7 @@ impl Shared {
     /// Makes a photo.
     fn decode(&self, view: usize) -> Result<Arc<TargetImage>> {
         let _working = self.working(view);
-        self.recipes[view].decode().map(Arc::new)
+        self.recipes[view].decode().map(|decoded| Arc::new(decoded.image))
     }
 
     fn run_ahead(&self) {
@@ -259,7 +261,11 @@ impl ImageStore {
         let check = |view: usize| {
             let shared = &*self.shared;
             let recipe = &shared.recipes[view];
-            let image = shared.decode(view)?;
+            let working = shared.working(view);
+            let decoded = recipe.decode()?;
+            drop(working);
+            let image = Arc::new(decoded.image);
+            let masked_share = recipe.mask.is_some().then_some(decoded.masked_share);
             let has_pixels = image.has_counted_pixels();
             let mut state = shared.lock();
             if !state.cached.contains_key(&view) && state.bytes + image.num_bytes() <= shared.budget_bytes {
@@ -272,7 +278,7 @@ impl ImageStore {
                     cut_off.push(path.clone());
                 }
             }
-            Ok(CheckedPhoto { has_pixels, cut_off })
+            Ok(CheckedPhoto { has_pixels, masked_share, cut_off })
         };
         (0..self.shared.recipes.len()).into_par_iter().map(check).collect()
     }

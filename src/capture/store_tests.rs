@@ -34,6 +34,8 @@ fn store(folder: &Path, count: u8, budget_bytes: u64) -> ImageStore {
                     },
                     distortion: Distortion::None,
                 },
+                focal_scale: 1.0,
+                memory_bytes: BYTES,
                 size: (SIDE, SIDE),
                 background: [0.0; 3],
                 keep_alpha: false,

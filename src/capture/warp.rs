@@ -1,36 +1,46 @@
-//! Undistorts photos: resamples the rows of the image that a pinhole of the same size and focal length would have
+//! Undistorts photos: resamples the rows of the image that a pinhole of the same size and principal point would have
 //! taken. The lens models are in `lens.rs`.
 
 use super::lens::Lens;
+use crate::camera::Pinhole;
 use glam::DVec2;
 
 /// Samples a distorted image along the rows of its pinhole image.
 pub(crate) struct Warp {
     lens: Lens,
+    /// Of the same size and principal point as the lens.
+    pinhole: Pinhole,
     /// Rays farther from the axis than this, on z = 1, were imaged twice or not at all.
     max_radius: f64,
 }
 
 impl Warp {
-    /// A warp for a lens given at the image's size.
-    pub fn new(lens: Lens) -> Self {
-        let c = &lens.pinhole;
+    /// A warp for a lens given at the image's size, to a pinhole whose focal length is `focal_scale` times the lens's.
+    pub fn new(lens: Lens, focal_scale: f64) -> Self {
+        let pinhole = with_focal_scale(&lens.pinhole, focal_scale);
+        let c = &pinhole;
         let corner = |x: f64, y: f64| c.direction_in_camera(DVec2::new(x, y)).truncate().length();
         let (w, h) = (f64::from(c.width_px), f64::from(c.height_px));
         let farthest = corner(0.0, 0.0).max(corner(w, 0.0)).max(corner(0.0, h)).max(corner(w, h));
-        Self { lens, max_radius: lens.distortion.monotonic_radius(farthest) }
+        Self { lens, pinhole, max_radius: lens.distortion.monotonic_radius(farthest) }
+    }
+
+    /// Where a position in the pinhole image lies in the distorted image, which may end before; `None` if the lens does
+    /// not image it.
+    pub fn distorted_px(&self, at_px: DVec2) -> Option<DVec2> {
+        let undistorted = self.pinhole.direction_in_camera(at_px).truncate();
+        if undistorted.length() > self.max_radius {
+            return None;
+        }
+        let c = &self.lens.pinhole;
+        let distorted = self.lens.distortion.distort(undistorted);
+        Some(DVec2::new(distorted.x * c.fx_px + c.cx_px, distorted.y * c.fy_px + c.cy_px))
     }
 
     /// Where pixel `(x, y)` of the pinhole image lies in the distorted image; `None` outside.
     pub fn source_px(&self, x: usize, y: usize) -> Option<DVec2> {
+        let at = self.distorted_px(DVec2::new(x as f64 + 0.5, y as f64 + 0.5))?;
         let c = &self.lens.pinhole;
-        let centre = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
-        let undistorted = c.direction_in_camera(centre).truncate();
-        if undistorted.length() > self.max_radius {
-            return None;
-        }
-        let distorted = self.lens.distortion.distort(undistorted);
-        let at = DVec2::new(distorted.x * c.fx_px + c.cx_px, distorted.y * c.fy_px + c.cy_px);
         let inside =
             at.x >= 0.0 && at.y >= 0.0 && at.x <= f64::from(c.width_px) && at.y <= f64::from(c.height_px);
         inside.then_some(at)
@@ -65,4 +75,9 @@ impl Warp {
             out[CHANNELS] = 1.0;
         }
     }
+}
+
+/// A pinhole of the same size and principal point with another focal length.
+pub(crate) fn with_focal_scale(pinhole: &Pinhole, focal_scale: f64) -> Pinhole {
+    Pinhole { fx_px: pinhole.fx_px * focal_scale, fy_px: pinhole.fy_px * focal_scale, ..*pinhole }
 }

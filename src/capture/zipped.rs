@@ -1,5 +1,6 @@
 //! Captures in a ZIP archive: unpacked into a temporary folder that exists as long as the capture does.
 
+use super::folder::is_of_macos;
 use crate::text::quoted;
 use crate::{Error, Result};
 use std::fs::File;
@@ -131,7 +132,8 @@ pub(crate) fn unpack(path: &Path) -> Result<Unpacked> {
         let extension = inside.extension().unwrap_or_default().to_ascii_lowercase();
         let is_needed = EXTENSIONS.iter().any(|e| extension == *e) || inside.ends_with(RECORD3D);
         // Links are skipped, or they would be written as files with the text of their target.
-        if entry.is_dir() || entry.is_symlink() || !is_needed {
+        let is_of_macos = inside.components().any(|part| is_of_macos(part.as_os_str()));
+        if is_of_macos || entry.is_dir() || entry.is_symlink() || !is_needed {
             continue;
         }
         let target = unpacked.folder.join(&inside);
@@ -183,6 +185,11 @@ mod tests {
             ("garden/sparse/0/images.bin", scene.images_bin()),
             ("garden/sparse/0/points3D.bin", scene.points_bin()),
             ("garden/notes.md", b"not needed".to_vec()),
+            // As macOS packs it: attributes of each file in a folder beside, or next to it.
+            ("__MACOSX/garden/images/._p01.png", vec![0; 32]),
+            ("__MACOSX/._garden.txt", vec![0; 32]),
+            ("garden/._notes.csv", vec![0; 32]),
+            ("garden/images/._p01.png", vec![0; 32]),
         ];
         let names: Vec<String> = scene.images.iter().map(|i| format!("garden/images/{}", i.name)).collect();
         for (name, image) in names.iter().zip(&scene.images) {
@@ -193,6 +200,7 @@ mod tests {
         let options = LoadOptions::default();
         let (a, b) = (Capture::load(&plain, &options).unwrap(), Capture::load(&archive, &options).unwrap());
         assert_eq!(b.name, "garden");
+        assert_eq!(b.report, a.report, "files of macOS are no photos without a pose");
         for view in 0..3 {
             assert_eq!(a.target(view).unwrap(), b.target(view).unwrap());
             assert_eq!(a.views[view].camera, b.views[view].camera);

@@ -1,5 +1,6 @@
 //! Arguments of all commands that write assets.
 
+use super::origin::{Origin, parse_origin};
 use litetex_exporters::ply::PlyUp;
 use litetex_exporters::spz::{SpzOptions, SpzVersion};
 use litetex_exporters::{Cameras, Format, Quality};
@@ -43,14 +44,18 @@ pub struct AssetArgs {
     /// Drop splats that contribute less than this many pixels in total over the training views
     #[arg(long, value_name = "PIXELS", value_parser = parse_floor, help_heading = "Scene")]
     pub min_contribution: Option<f32>,
-    /// Direction of the capture that points up in the files: x, -x, y, -y, z, -z or X,Y,Z [default: that of an asset, else -y,
-    /// as in COLMAP's images]. For .ply files, which do not say what is up, also the program that shows them: three, spark,
+    /// Direction of the capture that points up in the files: x, -x, y, -y, z, -z or X,Y,Z [default: that of an asset, else the
+    /// one to which the photos are level]. For .ply files, which do not say what is up, also the program that shows them: three, spark,
     /// babylon, playcanvas, splat-transform, or the axis :y, :-y or :z; both as in z:three
     #[arg(long, value_name = "UP", value_parser = parse_up, allow_hyphen_values = true, help_heading = "Scene")]
     pub up: Option<Up>,
     /// Length of one unit of the capture in the files: 0.01 turns centimetres into metres [default: that of an asset, else 1]
     #[arg(long, value_name = "FACTOR", value_parser = parse_factor, help_heading = "Scene")]
     pub scale: Option<f64>,
+    /// Point of the capture that lies at the origin of the files, for coordinates that .ply and .spz files cannot hold, as
+    /// in georeferenced captures: auto (a round one in the middle of the scene) or X,Y,Z [default: that of an asset, else 0,0,0]
+    #[arg(long, value_name = "POINT", value_parser = parse_origin, allow_hyphen_values = true, help_heading = "Scene")]
+    pub origin: Option<Origin>,
     /// Title of the work [default: name of the capture]
     #[arg(long, value_name = "TEXT", help_heading = "Provenance")]
     pub title: Option<String>,
@@ -156,7 +161,8 @@ impl AssetArgs {
     }
 }
 
-fn numbers(text: &str) -> Option<[f64; 3]> {
+/// Three finite numbers, separated by commas.
+pub fn numbers(text: &str) -> Option<[f64; 3]> {
     let values: Option<Vec<f64>> =
         text.split(',').map(|v| v.trim().parse().ok().filter(|v: &f64| v.is_finite())).collect();
     values?.try_into().ok()

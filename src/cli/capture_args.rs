@@ -1,7 +1,7 @@
 //! Options for reading a capture; shared by `train`, `inspect` and `schedule`.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use litetex_gs::capture::{CaptureFormat, LoadOptions};
+use litetex_gs::capture::{CaptureFormat, ExifTurn, LoadOptions, UndistortFocal};
 use litetex_gs::console::values::{parse_bytes, parse_whole, whole};
 use litetex_gs::run::MAX_RESOLUTION_MIN;
 use std::path::PathBuf;
@@ -42,6 +42,15 @@ pub struct WholeCaptureArgs {
     /// Pose format [default: the first of these that is found]
     #[arg(long, value_name = "FORMAT", value_parser = format_parser())]
     pub format: Option<CaptureFormat>,
+    /// Orientation in the photos' EXIF data: auto (turn photos whose sides fit their cameras only then), ignore or apply [default: auto]
+    #[arg(long, value_name = "HOW", value_parser = exif_parser())]
+    pub exif: Option<ExifTurn>,
+    /// Focal length of the pinhole images that photos are undistorted to: lens, or auto (shorter where that keeps more of the photo) [default: lens]
+    #[arg(long, value_name = "HOW", value_parser = undistort_focal_parser())]
+    pub undistort_focal: Option<UndistortFocal>,
+    /// Memory that decoding one photo may take [default: 3GiB]
+    #[arg(long, value_name = "SIZE", value_parser = parse_bytes)]
+    pub photo_memory: Option<u64>,
     /// Memory for decoded images [default: 4GiB]
     #[arg(long, value_name = "SIZE", value_parser = parse_bytes)]
     pub image_cache: Option<u64>,
@@ -51,6 +60,21 @@ pub struct WholeCaptureArgs {
 fn format_parser() -> impl TypedValueParser<Value = CaptureFormat> {
     let formats = CaptureFormat::all().map(|f| PossibleValue::new(f.name()).help(f.help()));
     PossibleValuesParser::new(formats).try_map(|name| name.parse::<CaptureFormat>())
+}
+
+fn exif_parser() -> impl TypedValueParser<Value = ExifTurn> {
+    PossibleValuesParser::new(["auto", "ignore", "apply"]).map(|name| match name.as_str() {
+        "ignore" => ExifTurn::Ignore,
+        "apply" => ExifTurn::Apply,
+        _ => ExifTurn::Auto,
+    })
+}
+
+fn undistort_focal_parser() -> impl TypedValueParser<Value = UndistortFocal> {
+    PossibleValuesParser::new(["lens", "auto"]).map(|name| match name.as_str() {
+        "auto" => UndistortFocal::Auto,
+        _ => UndistortFocal::Lens,
+    })
 }
 
 impl CaptureArgs {
@@ -69,6 +93,9 @@ impl WholeCaptureArgs {
     pub fn apply(&self, options: &mut LoadOptions) {
         self.usual.apply(options);
         set(&mut options.image_cache_bytes, self.image_cache);
+        set(&mut options.exif, self.exif);
+        set(&mut options.undistort_focal, self.undistort_focal);
+        set(&mut options.photo_memory_bytes, self.photo_memory);
         options.mask_invert |= self.mask_invert;
         options.keep_far |= self.keep_far;
         set_some(&mut options.format, &self.format);

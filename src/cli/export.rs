@@ -9,6 +9,7 @@ use litetex_exporters::{
     AssetCamera, Format, Quality, SplatAsset, WriteOptions, Written, num_sh_coefficients, read_asset,
     read_fallback, stage_asset,
 };
+use litetex_gs::camera::up::direction_text;
 use litetex_gs::capture::Capture;
 use litetex_gs::console::values::whole;
 use litetex_gs::console::{Interrupt, Log, Output, columns, device, path_text};
@@ -167,9 +168,16 @@ fn edit(scene: &mut BakedScene, args: &AssetArgs, go_on: GoOn<'_>, log: &Log) ->
     }
     if let Some(up) = args.up.and_then(|up| up.in_capture) {
         asset.set_up(up);
+        asset.provenance.up = format!("{}: requested with --up", direction_text(up));
+    }
+    if !asset.provenance.up.is_empty() {
+        log.info(&format!("up is {}", asset.provenance.up));
     }
     if let Some(factor) = args.scale {
         asset.set_scale(factor);
+    }
+    if let Some(origin) = args.origin {
+        log.info(&origin.apply(asset));
     }
     let facts = &mut asset.provenance;
     for (field, given) in [

@@ -6,6 +6,7 @@ use glam::{DVec2, DVec3, Vec3};
 use litetex_exporters::{Describes, LayerSize, Quality, SplatAsset, Transform};
 use litetex_gs::bake::model_from_asset;
 use litetex_gs::camera::Pinhole;
+use litetex_gs::camera::up::Up;
 use litetex_gs::capture::{Capture, LoadOptions, read_ply_points};
 use litetex_gs::console::{Log, Output, Table, path_text};
 use litetex_gs::model::Model;
@@ -89,6 +90,7 @@ fn checkpoint(path: &Path) -> Result<Value> {
         "bytes": std::fs::metadata(path).map_or(0, |m| m.len()),
         "step": trained.step,
         "capture": trained.config.data.as_deref().map(path_text),
+        "up": of_up(&trained.up),
         "model": of_model(&trained.model),
     }))
 }
@@ -267,18 +269,30 @@ fn of_capture(capture: &Capture) -> Value {
         "views": capture.num_views(),
         "train_views": capture.indices(Split::Train).len(),
         "test_views": names(Split::Test),
+        "split_by": capture.split_by,
         "sizes": sizes,
         "focal_lengths_px": range(|p| (p.fx_px, p.fy_px)),
         "principal_points_px": range(|p| (p.cx_px, p.cy_px)),
+        "undistortion": capture.undistortion,
         "points": capture.points.len(),
         "capture_from_local": {
             "scale": capture.capture_from_local.scale,
             "translation": capture.capture_from_local.translation.to_array(),
         },
+        "up": of_up(&capture.up),
         "near": capture.near,
         "health": capture.health,
         "warnings": capture.report.warnings,
     })
+}
+
+/// Up in words and in numbers.
+fn of_up(up: &Up) -> Value {
+    let mut found = json!({ "words": up.words() });
+    if let (Some(found), Value::Object(numbers)) = (found.as_object_mut(), json!(up)) {
+        found.extend(numbers);
+    }
+    found
 }
 
 /// Adds a value to a table: nested names become `a.b`, and long lists a count.

@@ -13,7 +13,8 @@ use super::view_scene::{in_memory, name_of, quick, served};
 use crate::viewer::{AssetBytes, Server, Shown};
 use litetex_exporters::html::{SessionAsset, SessionTraining, TrainingState};
 use litetex_exporters::{AssetCamera, Provenance};
-use litetex_gs::bake::{asset_cameras, bake};
+use litetex_gs::bake::{asset_cameras, bake, set_up};
+use litetex_gs::camera::up::Up;
 use litetex_gs::capture::Capture;
 use litetex_gs::console::{Interrupt, Log};
 use litetex_gs::model::Model;
@@ -75,6 +76,7 @@ impl LiveView {
             title,
             cameras: asset_cameras(&**capture),
             background: config.train.background,
+            up: capture.up,
             file: folder.root().join(PREVIEW),
         };
         Preview::start(Arc::clone(&self.shown), scene, config.train.steps)
@@ -102,6 +104,7 @@ struct PreviewScene {
     title: String,
     cameras: Vec<AssetCamera>,
     background: [f32; 3],
+    up: Up,
     file: PathBuf,
 }
 
@@ -114,7 +117,9 @@ impl PreviewScene {
             training: [("steps".to_owned(), step.to_string())].into(),
             ..Provenance::default()
         };
-        let asset = bake(model, self.cameras.clone(), self.background, provenance, &mut Report::default());
+        let mut asset =
+            bake(model, self.cameras.clone(), self.background, provenance, &mut Report::default());
+        set_up(&mut asset, &self.up);
         let bytes = quick(&asset).map_err(|e| Error::from(e.at(&self.file)))?;
         atomic_file::write(&self.file, &bytes)?;
         Ok(in_memory(bytes, format!("step {step}")))

@@ -14,6 +14,7 @@ mod inspect;
 mod live_view;
 mod man;
 mod metrics_tail;
+mod origin;
 mod orphan;
 mod outputs;
 mod progress;

@@ -2,9 +2,10 @@
 
 use super::colour_by::{ColourBy, Coloured};
 use super::sources::{load_layers, open_photos};
+use glam::DVec3;
 use litetex_exporters::{SplatAsset, Transform};
 use litetex_gs::backend::RenderedImage;
-use litetex_gs::bake::{AssetViews, model_from_asset};
+use litetex_gs::bake::{AssetViews, model_from_asset, set_up};
 use litetex_gs::camera::Camera;
 use litetex_gs::camera::orbit::orbit;
 use litetex_gs::capture::Capture;
@@ -115,11 +116,15 @@ pub fn run(args: &RenderArgs, log: &Log) -> Result<Output> {
     let views: Box<dyn ViewSource> = match of_capture {
         Some(capture) => {
             move_to(&mut scene.asset, &capture);
+            if scene.asset.provenance.up.is_empty() {
+                set_up(&mut scene.asset, &capture.up);
+            }
             Box::new(capture)
         }
         None => Box::new(AssetViews(scene.asset.cameras.clone())),
     };
-    let jobs = jobs(args, views.as_ref())?;
+    let up = DVec3::from_array(scene.asset.up_in_local());
+    let jobs = jobs(args, views.as_ref(), up)?;
     let legend = args.colour_by.and_then(|by| by.legend_path(&args.out));
     let files: Vec<PathBuf> = jobs.iter().flat_map(|job| job.files.clone()).chain(legend).collect();
     check_free(&files, args.force)?;
@@ -209,8 +214,8 @@ impl Job {
     }
 }
 
-/// The views that were requested.
-fn jobs(args: &RenderArgs, views: &dyn ViewSource) -> Result<Vec<Job>> {
+/// The views that were requested; `up` is a direction of the local frame.
+fn jobs(args: &RenderArgs, views: &dyn ViewSource, up: DVec3) -> Result<Vec<Job>> {
     if views.num_views() == 0 {
         return Err(usage!(
             "{}: the file has no cameras; name a capture with --capture",
@@ -235,7 +240,7 @@ fn jobs(args: &RenderArgs, views: &dyn ViewSource) -> Result<Vec<Job>> {
     }
     if let Some(count) = args.orbit {
         let cameras: Vec<Camera> = all.map(|v| views.camera(v)).collect();
-        let orbit = orbit(&cameras, count);
+        let orbit = orbit(&cameras, up, count);
         let named = |(i, camera)| Job::new(args, Path::new(&format!("orbit-{i:04}.png")), &camera);
         return Ok(orbit.into_iter().enumerate().map(named).collect());
     }

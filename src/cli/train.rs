@@ -61,6 +61,7 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<FinishedRun> {
     let mut job = TrainJob::plan(args)?;
     let mut capture = Capture::load(job.config.data()?, &job.config.capture)?;
     log.report(&capture.report);
+    log.info(&capture.held_out());
     let mut report = std::mem::take(&mut capture.report);
     let capture = Arc::new(capture);
     let resumed = job.resume.as_ref().map(|resume| resume.summary());

@@ -11,7 +11,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// Settings that do not shape the trained model, or follow from others.
-const NOT_SHAPING: [&str; 9] = [
+const NOT_SHAPING: [&str; 10] = [
     "version",
     "profile",
     "save-images",
@@ -21,6 +21,7 @@ const NOT_SHAPING: [&str; 9] = [
     "train.random-start",
     "capture.background",
     "capture.image-cache-bytes",
+    "capture.photo-memory-bytes",
 ];
 
 /// Smallest bound of the images' longer side that makes sense: SSIM's window is 11 pixels wide.

@@ -4,10 +4,12 @@ use super::config::RunConfig;
 use super::folder::find_checkpoint;
 use super::summary::Summary;
 use crate::backend::{Backend, RenderOptions};
+use crate::bake::set_up;
+use crate::camera::up::Up;
 use crate::capture::Capture;
 use crate::model::{AdamState, Model};
 use crate::train::checkpoint;
-use crate::verify::{CaptureIdentity, PSNR_TEST, bake_checkpoint, cameras_from_strings};
+use crate::verify::{CaptureIdentity, PSNR_TEST, bake_checkpoint, cameras_from_strings, up_from_strings};
 use crate::{Error, Report, Result};
 use litetex_exporters::{AssetCamera, Provenance, SplatAsset};
 use std::collections::BTreeMap;
@@ -29,6 +31,8 @@ pub struct Trained {
     pub identity: CaptureIdentity,
     /// Cameras of the run.
     pub cameras: Vec<AssetCamera>,
+    /// Which direction of the capture is up.
+    pub up: Up,
 }
 
 impl Trained {
@@ -42,7 +46,17 @@ impl Trained {
         let config = config_of(&path, &strings)?;
         let identity = CaptureIdentity::from_strings(&path, &strings)?;
         let cameras = cameras_from_strings(&path, &strings)?;
-        Ok(Self { path, step: state.step, model: state.model, adam: state.adam, config, identity, cameras })
+        let up = up_from_strings(&path, &strings)?;
+        Ok(Self {
+            path,
+            step: state.step,
+            model: state.model,
+            adam: state.adam,
+            config,
+            identity,
+            cameras,
+            up,
+        })
     }
 
     /// How the views of the run are rendered, on its background.
@@ -71,7 +85,10 @@ impl Trained {
     pub fn bake(&self, backend: &mut dyn Backend, report: &mut Report) -> Result<SplatAsset> {
         let model = (&self.model, &self.adam);
         let background = self.config.train.background;
-        bake_checkpoint(backend, model, self.cameras.clone(), background, self.provenance(), report)
+        let mut asset =
+            bake_checkpoint(backend, model, self.cameras.clone(), background, self.provenance(), report)?;
+        set_up(&mut asset, &self.up);
+        Ok(asset)
     }
 
     /// What an asset states about its training.

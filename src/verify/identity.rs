@@ -4,6 +4,7 @@
 
 use crate::bake::asset_cameras;
 use crate::camera::Similarity;
+use crate::camera::up::Up;
 use crate::text::quoted;
 use crate::views::{Split, ViewSource};
 use crate::{Error, Result};
@@ -18,6 +19,27 @@ pub const IDENTITY_KEY: &str = "views";
 
 /// Key of the cameras among the strings of a checkpoint.
 pub const CAMERAS_KEY: &str = "cameras";
+
+/// Key of the [`Up`] of a capture among the strings of a checkpoint.
+const UP_KEY: &str = "up";
+
+/// Which direction of a run's capture is up, for a checkpoint.
+///
+/// # Errors
+/// [`Error::Usage`] if it has no form in JSON, which does not happen.
+pub fn store_up(views: &dyn ViewSource, strings: &mut BTreeMap<String, String>) -> Result<()> {
+    let text = serde_json::to_string(&views.up()).map_err(|e| usage!("up cannot be written: {e}"))?;
+    strings.insert(UP_KEY.to_owned(), text);
+    Ok(())
+}
+
+/// Which direction of the capture is up, as a checkpoint carries it.
+///
+/// # Errors
+/// [`Error::InvalidInput`] if it is missing or unreadable.
+pub fn up_from_strings(path: &Path, strings: &BTreeMap<String, String>) -> Result<Up> {
+    entry(path, strings, UP_KEY)
+}
 
 /// The cameras of a run, as assets carry them, for a checkpoint.
 ///

@@ -36,7 +36,10 @@ pub fn find_sh_bits<'a>(
     }
     let views = evenly_spread(&training, EXPORT_VIEWS);
     let mut renderer = open()?;
-    let untextured = asset.untextured();
+    let mut untextured = asset.untextured();
+    // Where the scene lies does not matter to SH, but may lie beyond the coordinates that the format holds.
+    untextured.capture_from_local.translation = [0.0; 3];
+    untextured.world_from_capture.translation = [0.0; 3];
     let expected = renderer.images(&untextured, &views)?;
     let (limits, mse_to_photos) = (QualityLimits::of(quality), mse_to_photos(asset));
     let mut keeps = |bits: ShBits| -> Result<bool> {

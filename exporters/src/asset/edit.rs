@@ -42,13 +42,18 @@ impl SplatAsset {
         self.retain(&keep)
     }
 
-    /// Chooses which direction of the capture is up in files of all formats. By default it is -y, as images have y down.
+    /// Chooses which direction of the capture is up in files of all formats. An asset that was not told takes -y.
     pub fn set_up(&mut self, up_in_capture: [f64; 3]) {
         let world = &mut self.world_from_capture;
         let turn = quaternion::between(up_in_capture, [0.0, -1.0, 0.0]).map(|v| v + 0.0);
         let change = quaternion::product(turn, quaternion::conjugate(world.rotation));
         world.translation = quaternion::turned(change, world.translation).map(|v| v + 0.0);
         world.rotation = turn;
+    }
+
+    /// Up in the local frame, a unit vector.
+    pub fn up_in_local(&self) -> [f64; 3] {
+        quaternion::turned(quaternion::conjugate(self.world_from_local().rotation), [0.0, -1.0, 0.0])
     }
 
     /// Chooses the length of the capture's unit in files: 0.01 turns a capture in centimetres into metres.

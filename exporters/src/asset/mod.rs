@@ -6,6 +6,7 @@ pub mod degrees;
 pub mod edit;
 pub mod hash;
 pub mod meta;
+pub mod origin;
 pub mod overview;
 pub mod validate;
 
@@ -133,6 +134,9 @@ pub struct Provenance {
     pub source: String,
     /// Version of the program that baked the asset.
     pub program_version: String,
+    /// Which direction of the capture is up in files, and why; `world_from_capture` is the turn itself.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub up: String,
     /// Facts about the training, by name.
     pub training: BTreeMap<String, String>,
 }

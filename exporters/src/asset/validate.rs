@@ -56,7 +56,11 @@ impl SplatAsset {
         self.validate_cameras()
     }
 
-    fn validate_splat(&self, splat: usize) -> Result<()> {
+    /// The rules for the numbers of a single splat, but for its map and its SH degree.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for the first offence.
+    pub(crate) fn validate_splat(&self, splat: usize) -> Result<()> {
         let offence = |what: String| Err(invalid!("", "splat {splat}: {what}"));
         let finite = |values: &[f32]| values.iter().all(|v| v.is_finite());
         let position = self.positions[splat];

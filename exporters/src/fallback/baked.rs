@@ -2,7 +2,7 @@
 
 use crate::math::quaternion;
 use crate::math::sh::Turn;
-use crate::{AssetMap, SplatAsset, Transform};
+use crate::{SplatAsset, Transform};
 
 /// A splat in the world frame.
 pub struct Baked {
@@ -15,8 +15,6 @@ pub struct Baked {
     pub opacity: f32,
     /// SH coefficients. `[(degree + 1)^2, 3]`
     pub sh: Vec<f64>,
-    /// Error of the centre as f32, in texels of the splat's map along its finer axis; 0 without a map.
-    pub rounding_texels: f64,
 }
 
 /// Turns the splats of an asset into [`Baked`] ones.
@@ -57,22 +55,12 @@ impl<'a> Baker<'a> {
         for (dc, baked) in sh.iter_mut().zip(asset.untextured_dc(splat)) {
             *dc = baked.into();
         }
-        let position = self.position(splat);
         Baked {
-            position,
+            position: self.position(splat),
             rotation,
             scales: asset.scales[splat].map(|s| f64::from(s) * frame.scale),
             opacity: asset.opacities[splat],
             sh,
-            rounding_texels: rounding_texels(position, frame.scale, &asset.maps[splat]),
         }
     }
-}
-
-fn rounding_texels(position: [f64; 3], scale: f64, map: &AssetMap) -> f64 {
-    if map.num_texels() == 0 {
-        return 0.0;
-    }
-    let squares = position.iter().map(|&v| (f64::from(v as f32) - v).powi(2));
-    squares.sum::<f64>().sqrt() / (scale * map.finer_texel_size())
 }

@@ -67,3 +67,11 @@ pub(crate) fn push(
     asset.maps.push(AssetMap::default());
     Ok(is_thick(scales))
 }
+
+/// Appends what cannot be seen, in place of an ellipsoid that [`push`] refuses.
+pub(crate) fn push_nothing(asset: &mut SplatAsset) {
+    asset.rotations.push([1.0, 0.0, 0.0, 0.0]);
+    asset.scales.push([f32::MIN_POSITIVE; 2]);
+    asset.opacities.push(f32::MIN_POSITIVE);
+    asset.maps.push(AssetMap::default());
+}

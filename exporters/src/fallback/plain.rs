@@ -14,6 +14,7 @@
 //! | LT4009 | warning | f32 resolves the sizes of splats where they lie |
 //! | LT4010 | warning | metadata of this program can be read |
 //! | LT4011 | info | the file is laid out as all programs expect it |
+//! | LT4012 | warning | no extension record says that splats are meant otherwise than all programs expect |
 
 use crate::{Issue, Severity};
 

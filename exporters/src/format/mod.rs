@@ -101,12 +101,12 @@ fn encode(format: Format, path: &Path, asset: &SplatAsset, options: &WriteOption
             };
             let (bytes, summary) = ply::encode_ply(asset, &ply_options).map_err(|e| e.at(path))?;
             encoded.root = bytes;
-            encoded.notes.extend(far_out(summary.position_error_texels));
+            encoded.notes.extend(summary.spacing.note("f32"));
         }
         Format::Spz => {
             let (bytes, summary) = spz::encode_spz(asset, &options.spz).map_err(|e| e.at(path))?;
             encoded.root = bytes;
-            encoded.notes.extend(far_out(summary.position_error_texels));
+            encoded.notes.extend(summary.spacing.note("24 bits"));
             if summary.clamped_scales > 0 {
                 encoded.notes.push(format!(
                     "{} splats are smaller or larger than SPZ can store (4.5e-5 to 380 units); see --scale",
@@ -130,11 +130,6 @@ fn add_mesh(encoded: &mut Encoded, file: &Path, asset: &SplatAsset) -> Result<()
     Ok(())
 }
 
-/// A note if rounding moves splats by more than a tenth of a texel.
-fn far_out(texels: f64) -> Option<String> {
-    (texels > 0.1).then(|| format!("positions are rounded by up to {texels:.2} texels: the capture lies far from its origin, or is large"))
-}
-
 /// Reads an asset in the format that the extension names.
 ///
 /// # Errors
@@ -147,7 +142,9 @@ pub fn read_asset(path: &Path, limits: &ReadLimits) -> Result<Contents> {
     match format {
         Format::Ply => {
             let read = ply::read_ply(path, limits)?;
-            let thick = read.num_thick;
+            let thick = (read.num_thick > 0).then(|| {
+                format!("{} splats are thick: drawn as discs, they lose their thinnest axis", read.num_thick)
+            });
             Ok(Contents {
                 asset: read.asset,
                 format: if read.is_surfel { "PLY of 2DGS" } else { "PLY of 3DGS" }.to_owned(),
@@ -155,12 +152,7 @@ pub fn read_asset(path: &Path, limits: &ReadLimits) -> Result<Contents> {
                 hash: None,
                 sections: read.sections,
                 layers: Vec::new(),
-                warnings: (thick > 0)
-                    .then(|| {
-                        format!("{thick} splats are thick: drawn as discs, they lose their thinnest axis")
-                    })
-                    .into_iter()
-                    .collect(),
+                warnings: read.left_out.into_iter().chain(thick).collect(),
             })
         }
         Format::Spz => spz::read_spz(path, limits),

@@ -173,14 +173,19 @@ pub fn read_fallback(path: &Path, limits: &ReadLimits) -> Result<SplatAsset> {
     Ok(asset)
 }
 
-/// Reads splats without our extension.
+/// Reads splats without our extension, and what is meant for other programs of those with it: of these none may be broken.
 fn foreign(
     loaded: &Loaded<'_>,
     found: &Found<'_>,
     attributes: &Attributes<'_>,
     warnings: &mut Vec<String>,
 ) -> Result<Contents> {
-    let (mut asset, num_thick) = attributes.flattened(loaded)?;
+    let (mut asset, num_thick, broken) = attributes.flattened(loaded)?;
+    if found.splatting.texture().is_some() {
+        broken.refuse(loaded.path)?;
+    } else {
+        warnings.extend(broken.leave_out(&mut asset, loaded.path)?);
+    }
     let mut sections = sections(loaded, found, None);
     sections.retain(|s| s.bytes > 0);
     if let Some(digest) = found.primitive.digest() {

@@ -4,6 +4,7 @@ use super::accessor::{Component, View};
 use super::document::Primitive;
 use super::loaded::Loaded;
 use super::{KHR, sh_attribute, sh_indices};
+use crate::fallback::broken::BrokenSplats;
 use crate::fallback::ellipsoid;
 use crate::files::limits::{filled, room_for_splats, splat_bytes};
 use crate::math::yup;
@@ -134,20 +135,25 @@ impl<'a> Attributes<'a> {
         Ok(asset)
     }
 
-    /// Ellipsoids as discs along their two largest axes, and how many of them are thick.
+    /// Ellipsoids as discs along their two largest axes, how many of them are thick, and those with numbers that the
+    /// specification forbids.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for numbers that the specification forbids.
-    pub fn flattened(&self, loaded: &Loaded<'_>) -> Result<(SplatAsset, usize)> {
+    /// [`Error::TooLarge`].
+    pub fn flattened(&self, loaded: &Loaded<'_>) -> Result<(SplatAsset, usize, BrokenSplats)> {
         let mut asset = self.room(loaded)?;
-        let mut num_thick = 0;
+        let (mut num_thick, mut broken) = (0, BrokenSplats::default());
         let rows = self.rotation.rows::<4>().zip(self.scale.rows::<3>()).zip(self.opacity.rows::<1>());
         for (splat, (([x, y, z, w], scales), [opacity])) in rows.enumerate() {
-            let pushed = ellipsoid::push(&mut asset, [w, x, y, z], scales, opacity);
-            let is_thick = pushed.map_err(|what| invalid!(loaded.path, "splat {splat}: {what}"))?;
-            num_thick += usize::from(is_thick);
+            match ellipsoid::push(&mut asset, [w, x, y, z], scales, opacity) {
+                Ok(is_thick) => num_thick += usize::from(broken.is_sound(&asset, splat) && is_thick),
+                Err(what) => {
+                    ellipsoid::push_nothing(&mut asset);
+                    broken.add(splat, &what);
+                }
+            }
         }
-        Ok((asset, num_thick))
+        Ok((asset, num_thick, broken))
     }
 
     /// The first splat whose coefficients of degree 0 are not all finite.

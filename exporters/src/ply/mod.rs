@@ -11,11 +11,16 @@
 //! | `scale_0 scale_1` | natural logarithm of the standard deviations |
 //! | `scale_2` | logarithm of the thickness; absent in the 2DGS flavour |
 //! | `rot_0..3` | quaternion wxyz |
+//!
+//! Where the frame of the file is not the capture's, the comment `world_from_capture` states the transform between them (scale,
+//! rotation wxyz, translation), which our reader undoes; `origin`, for people and other programs, which point of the capture lies
+//! at the origin of the file, if it is another than 0 0 0.
 
 use crate::Transform;
 
 mod escape;
 mod header;
+mod local_origin;
 mod read;
 mod rows;
 mod scalar;

@@ -3,18 +3,21 @@
 
 use super::escape::unescaped;
 use super::header::Element;
+use super::local_origin::local_origin;
 use super::rows::Rows;
 use super::{COMMENT_OURS, PlyUp};
+use crate::fallback::broken::BrokenSplats;
 use crate::fallback::ellipsoid::{is_thick, thinnest_last};
 use crate::files::limits::{room_for_splats, splat_bytes};
 use crate::files::read::read_file;
-use crate::{AssetMap, ReadLimits, Result, Section, SplatAsset, num_sh_coefficients};
+use crate::{AssetMap, ReadLimits, Result, Section, SplatAsset, Transform, num_sh_coefficients};
 use std::path::Path;
 
 /// The contents of a PLY file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlyContents {
-    /// Activated splats without maps; the local frame is that of the file.
+    /// Activated splats without maps. The local frame is that of the file, moved to the splats if coordinates of f64 are
+    /// finer than f32 can hold.
     pub asset: SplatAsset,
     /// Whether the file has no third scale, as those of 2DGS.
     pub is_surfel: bool,
@@ -24,6 +27,8 @@ pub struct PlyContents {
     pub sections: Vec<Section>,
     /// Comments of the header, in order.
     pub comments: Vec<String>,
+    /// Which splats were broken and left out, as a warning; `None` if none were, as in our own files.
+    pub left_out: Option<String>,
 }
 
 /// Reads a file. See [`decode_ply`].
@@ -73,10 +78,10 @@ impl Columns {
     }
 }
 
-/// Decodes the bytes of a file; `path` is only for messages.
+/// Decodes the bytes of a file; `path` is only for messages. Broken splats of other programs are left out.
 ///
 /// # Errors
-/// [`crate::Error::Invalid`] if the file is damaged or no file of splats, [`crate::Error::Unsupported`] for
+/// [`crate::Error::Invalid`] if the file is damaged or no file of splats, or more than a tenth of its splats are broken, [`crate::Error::Unsupported`] for
 /// big-endian files, lists and SH degrees above 3, [`crate::Error::TooLarge`].
 pub fn decode_ply(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<PlyContents> {
     let rows = Rows::open(bytes, path)?;
@@ -89,35 +94,53 @@ pub fn decode_ply(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<PlyC
         num_thick: 0,
         sections: rows.sections(),
         comments: rows.header.comments.clone(),
+        left_out: None,
     };
     take_provenance(&mut contents);
-    rows.for_each(&mut |values| push_splat(&mut contents, &columns, values, path))?;
+    let origin = local_origin(&rows, &columns)?;
+    if origin != [0.0; 3] {
+        let asset = &mut contents.asset;
+        asset.capture_from_local = asset.capture_from_local.after(&Transform::scaled_and_moved(1.0, origin));
+    }
+    let mut broken = BrokenSplats::default();
+    rows.for_each(&mut |values| {
+        push_splat(&mut contents, &columns, (values, origin), &mut broken);
+        Ok(())
+    })?;
+    if is_ours(&contents.comments) {
+        broken.refuse(path)?;
+    } else {
+        contents.left_out = broken.leave_out(&mut contents.asset, path)?;
+    }
     contents.asset.validate().map_err(|e| e.at(path))?;
     Ok(contents)
 }
 
-/// Activates a row.
-fn push_splat(contents: &mut PlyContents, columns: &Columns, values: &[f64], path: &Path) -> Result<()> {
+/// Activates a row; `origin` is that of the local frame.
+fn push_splat(
+    contents: &mut PlyContents,
+    columns: &Columns,
+    (values, origin): (&[f64], [f64; 3]),
+    broken: &mut BrokenSplats,
+) {
     let asset = &mut contents.asset;
     let splat = asset.num_splats();
-    let offence = |what: String| Err(invalid!(path, "splat {splat}: {what}"));
-
-    let quaternion = columns.rotation.map(|c| values[c]);
-    let norm = quaternion.iter().map(|v| v * v).sum::<f64>().sqrt();
-    if !(norm > 0.0 && norm.is_finite()) {
-        return offence(format!("rotation {quaternion:?} is not a rotation"));
-    }
-    let mut quaternion = quaternion.map(|v| v / norm);
+    let stored = columns.rotation.map(|c| values[c]);
+    let norm = stored.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let is_rotation = norm > 0.0 && norm.is_finite();
+    let mut quaternion = if is_rotation { stored.map(|v| v / norm) } else { [1.0, 0.0, 0.0, 0.0] };
     let mut scales = [0.0; 3];
     for (scale, &c) in scales.iter_mut().zip(&columns.scales) {
-        // What is too small for f32 becomes its smallest number; NaN stays and is refused.
+        // What is too small for f32 becomes its smallest number; NaN stays.
         *scale = values[c].exp().clamp(f64::from(f32::MIN_POSITIVE), f64::INFINITY);
     }
-    if columns.scales.len() == 3 {
+    let has_nan = scales.iter().any(|s| s.is_nan());
+    let mut thick = false;
+    if columns.scales.len() == 3 && !has_nan {
         (quaternion, scales) = thinnest_last(quaternion, scales);
-        contents.num_thick += usize::from(is_thick(scales));
+        thick = is_thick(scales);
     }
-    asset.positions.push(columns.position.map(|c| values[c] as f32));
+    asset.positions.push(std::array::from_fn(|i| (values[columns.position[i]] - origin[i]) as f32));
     asset.rotations.push(quaternion.map(|v| v as f32));
     asset.scales.push([scales[0] as f32, scales[1] as f32]);
     let opacity = (1.0 / (1.0 + (-values[columns.opacity]).exp())) as f32;
@@ -130,13 +153,26 @@ fn push_splat(contents: &mut PlyContents, columns: &Columns, values: &[f64], pat
     }
     asset.sh_degrees.push(columns.sh_degree as u8);
     asset.maps.push(AssetMap::default());
-    Ok(())
+    if !is_rotation {
+        broken.add(splat, &format!("rotation {stored:?} is not a rotation"));
+    } else if has_nan {
+        // The axis with it may be the one that is dropped.
+        let found: Vec<f64> = columns.scales.iter().map(|&c| values[c]).collect();
+        broken.add(splat, &format!("scales {found:?} (logarithms) are not numbers"));
+    } else if broken.is_sound(asset, splat) {
+        contents.num_thick += usize::from(thick);
+    }
+}
+
+/// Whether our writer made a file with these comments.
+fn is_ours(comments: &[String]) -> bool {
+    comments.iter().any(|c| c.starts_with(COMMENT_OURS))
 }
 
 /// Takes the provenance that our writer leaves in comments.
 fn take_provenance(contents: &mut PlyContents) {
     let (mut world, mut up) = (None, None);
-    let is_ours = contents.comments.iter().any(|c| c.starts_with(COMMENT_OURS));
+    let is_ours = is_ours(&contents.comments);
     let plain = |text: &str| if is_ours { unescaped(text) } else { text.to_owned() };
     let facts = &mut contents.asset.provenance;
     for comment in &contents.comments {
@@ -146,6 +182,7 @@ fn take_provenance(contents: &mut PlyContents) {
         match name {
             "world_from_capture" => world = super::world_from_comment(text),
             "up" => up = PlyUp::ALL.into_iter().find(|up| up.name() == text),
+            "up_in_capture" => facts.up = plain(text),
             "title" => facts.title = plain(text),
             "author" => facts.author = plain(text),
             "licence" => facts.licence = plain(text),

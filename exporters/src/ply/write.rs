@@ -3,6 +3,7 @@
 use super::escape::escaped;
 use super::{COMMENT_2DGS, world_comment};
 use crate::fallback::baked::{Baked, Baker};
+use crate::fallback::spacing::{self, Spacing, Spacings};
 use crate::{Result, SplatAsset, Transform, num_sh_coefficients};
 
 /// The layout of a PLY file.
@@ -71,9 +72,8 @@ pub struct PlySummary {
     pub bytes: usize,
     /// Splats whose maps were averaged into their colours.
     pub averaged_maps: usize,
-    /// Largest error of a centre from rounding it to f32 in the world frame, in texels of its map. More than 0.1 deserves
-    /// a warning: the capture lies far from its origin.
-    pub position_error_texels: f64,
+    /// How finely f32 resolves the splats where they lie.
+    pub spacing: Spacing,
 }
 
 /// Thickness of discs for viewers of ellipsoids, world units: its logarithm must be finite, and the disc must look flat.
@@ -91,6 +91,7 @@ pub fn encode_ply(asset: &SplatAsset, options: &PlyOptions) -> Result<(Vec<u8>, 
     }
     let mut bytes = header(asset, options, sh_degree).into_bytes();
     let mut summary = PlySummary::default();
+    let mut spacings = Spacings::default();
     let (mut row, baker) =
         (Vec::new(), Baker::in_frame(asset, options.up.turn().after(&asset.world_from_local())));
     for splat in 0..asset.num_splats() {
@@ -102,8 +103,10 @@ pub fn encode_ply(asset: &SplatAsset, options: &PlyOptions) -> Result<(Vec<u8>, 
         }
         bytes.extend(row.iter().flat_map(|v| v.to_le_bytes()));
         summary.averaged_maps += usize::from(asset.maps[splat].num_texels() > 0);
-        summary.position_error_texels = summary.position_error_texels.max(baked.rounding_texels);
+        let farthest = baked.position.iter().fold(0.0_f64, |farthest, v| farthest.max(v.abs()));
+        spacings.add(&baked, spacing::of_f32(farthest));
     }
+    summary.spacing = spacings.summary();
     summary.bytes = bytes.len();
     Ok((bytes, summary))
 }
@@ -123,9 +126,8 @@ fn header(asset: &SplatAsset, options: &PlyOptions, sh_degree: u32) -> String {
     comment("written by", concat!("litetex ", env!("CARGO_PKG_VERSION")).to_owned());
     comment("colours", "texture maps are averaged into f_dc".to_owned());
     let frame = match (up, asset.world_from_capture.is_identity()) {
-        (PlyUp::MinusY, true) => {
-            "of the capture, as COLMAP gave it (cameras: x right, y down, z forward; up is usually -y)"
-        }
+        (PlyUp::MinusY, true) if facts.up.is_empty() => "of the capture; what is up there is not known",
+        (PlyUp::MinusY, true) => "of the capture (up is -y)",
         (PlyUp::MinusY, false) => "the file's own (up is -y), see world_from_capture",
         _ => "the file's own, turned about x from one in which up is -y",
     };
@@ -136,6 +138,10 @@ fn header(asset: &SplatAsset, options: &PlyOptions, sh_degree: u32) -> String {
     if !asset.world_from_capture.is_identity() {
         comment("world_from_capture", world_comment(&asset.world_from_capture));
     }
+    if let Some([x, y, z]) = asset.origin_in_capture() {
+        comment("origin", format!("{x} {y} {z}"));
+    }
+    comment("up_in_capture", escaped(&facts.up));
     comment("title", escaped(&facts.title));
     comment("author", escaped(&facts.author));
     comment("licence", escaped(&facts.licence));

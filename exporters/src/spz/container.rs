@@ -1,5 +1,6 @@
 //! What the containers of all versions hold, and the checks that they share.
 
+use super::extensions::Extensions;
 use super::{MAGIC, NUM_STREAMS};
 use crate::files::limits::splat_bytes;
 use crate::{Error, ReadLimits, Result, SPLATS_MAX, num_sh_coefficients};
@@ -93,6 +94,6 @@ pub struct Stream {
 pub struct Container {
     pub header: Header,
     pub streams: Vec<Stream>,
-    /// Our metadata, as JSON.
-    pub meta: Option<Vec<u8>>,
+    /// What else the file says.
+    pub extensions: Extensions,
 }

@@ -2,6 +2,7 @@
 
 use super::NAMES;
 use super::container::{Container, HEADER_BYTES, Header, Stream};
+use super::extensions::{Extensions, HAS_EXTENSIONS};
 use crate::files::limits::filled;
 use crate::{Error, ReadLimits, Result};
 use flate2::bufread::GzDecoder;
@@ -39,7 +40,10 @@ pub fn pack(header: &[u8], streams: &[Vec<u8>], meta: &[u8]) -> Result<Vec<u8>> 
     encoder.finish().map_err(failed)
 }
 
-/// Decompresses a file. What follows the streams is not read: some programs add levels of detail there.
+/// Most bytes of the records of extensions behind the streams: ours are not among them, and others are of some bytes.
+const RECORDS_BYTES_MAX: u64 = 1 << 20;
+
+/// Decompresses a file. What follows the streams is read only if it is announced: some programs add levels of detail there.
 ///
 /// # Errors
 /// As [`super::decode_spz`].
@@ -59,11 +63,17 @@ pub fn unpack(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<Containe
         decoder.read_exact(&mut data).map_err(|e| invalid!(path, "stream {name:?}: gzip: {e}"))?;
         streams.push(Stream { data, packed_bytes: (before - decoder.get_ref().len()) as u64 });
     }
+    let mut records = Vec::new();
+    if header.flags & HAS_EXTENSIONS != 0 {
+        let mut first = decoder.by_ref().take(RECORDS_BYTES_MAX);
+        first.read_to_end(&mut records).map_err(|e| invalid!(path, "extension records: gzip: {e}"))?;
+    }
     // The end of the stream has the checksum of all.
     let mut rest = decoder.by_ref().take(limits.decoded_bytes);
     std::io::copy(&mut rest, &mut std::io::sink()).map_err(|e| invalid!(path, "gzip: {e}"))?;
     let meta = decoder.header().and_then(flate2::GzHeader::extra).and_then(subfield).map(<[u8]>::to_vec);
-    Ok(Container { header, streams, meta })
+    let extensions = Extensions { meta, ..Extensions::parse(&records, header.flags) };
+    Ok(Container { header, streams, extensions })
 }
 
 /// Our subfield of an extra field.

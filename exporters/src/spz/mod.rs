@@ -14,9 +14,12 @@
 //!
 //! Our metadata are where other programs do not look, so that none warns of them: in version 3 an extra field of the gzip header,
 //! in version 4 a record between header and table of contents that no flag announces. They hold the frame, near plane,
-//! filter, background and the texts of the provenance, about 500 bytes, and cameras only if they are asked for.
+//! filter, background and the texts of the provenance, about 500 bytes, and cameras only if they are asked for. Of the records of
+//! others, that of the coordinates is read, and splats stored in other ones are turned; unknown records are warned of.
 
 mod container;
+mod coordinates;
+mod extensions;
 mod float16;
 mod gzip;
 mod read;

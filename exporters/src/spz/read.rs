@@ -1,8 +1,11 @@
-//! Reads SPZ of versions 1 to 4 by any program; skips what others added.
+//! Reads SPZ of versions 1 to 4 by any program.
 
 use super::container::{Container, Header, Stream};
+use super::coordinates::Coordinates;
+use super::extensions::Extensions;
 use super::{ANTIALIASED, NAMES, float16, gzip, rotation, zstd_streams};
 use crate::asset::meta::{META_BYTES_MAX, Meta};
+use crate::fallback::broken::BrokenSplats;
 use crate::fallback::ellipsoid;
 use crate::files::limits::room_for_splats;
 use crate::files::read::read_file;
@@ -18,7 +21,8 @@ pub fn read_spz(path: &Path, limits: &ReadLimits) -> Result<Contents> {
     decode_spz(&read_file(path, limits.decoded_bytes)?, path, limits)
 }
 
-/// Decodes the bytes of a file; `path` is only for messages. The asset is in the file's frame turned to y down. In our own
+/// Decodes the bytes of a file; `path` is only for messages. The asset is in the file's frame turned to y down, broken splats of
+/// other programs left out. In our own
 /// files that is the capture's frame, and near plane, filter, background, texts of the provenance and, if the file has them,
 /// cameras are those of the original asset, near plane and cameras converted to that frame.
 ///
@@ -26,7 +30,8 @@ pub fn read_spz(path: &Path, limits: &ReadLimits) -> Result<Contents> {
 /// [`Error::Invalid`] if the file is damaged or not an SPZ file, [`Error::Unsupported`] for newer versions,
 /// [`Error::TooLarge`].
 pub fn decode_spz(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<Contents> {
-    let Container { header, streams, meta } = unpack(bytes, path, limits)?;
+    let Container { header, streams, extensions } = unpack(bytes, path, limits)?;
+    let Extensions { meta, coordinates, mut warnings } = extensions;
     let mut sections: Vec<Section> = Vec::new();
     for (name, stream) in NAMES.iter().zip(&streams) {
         let bytes = stream.packed_bytes;
@@ -34,8 +39,12 @@ pub fn decode_spz(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<Cont
     }
     let rest = bytes.len() as u64 - sections.iter().map(|s| s.bytes).sum::<u64>();
     sections.push(Section { name: "metadata".to_owned(), bytes: rest, describes: Describes::Other });
-    let (mut asset, thick) = splats(&header, &streams, path)?;
-    let mut warnings = Vec::new();
+    let (mut asset, thick, broken) = splats(&header, &streams, coordinates, path)?;
+    if meta.is_some() {
+        broken.refuse(path)?;
+    } else {
+        warnings.extend(broken.leave_out(&mut asset, path)?);
+    }
     if thick > 0 {
         warnings.push(format!("{thick} splats are thick: drawn as discs, they lose their thinnest axis"));
     }
@@ -67,12 +76,19 @@ pub fn decode_spz(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<Cont
     })
 }
 
-fn splats(header: &Header, streams: &[Stream], path: &Path) -> Result<(SplatAsset, usize)> {
+/// The splats, how many are thick, and which are broken: those of version 1 may be, whose positions are floats.
+fn splats(
+    header: &Header,
+    streams: &[Stream],
+    coordinates: Option<Coordinates>,
+    path: &Path,
+) -> Result<(SplatAsset, usize, BrokenSplats)> {
     let n = header.num_splats;
     let mut asset = room_for_splats(n, header.sh_degree).map_err(|e| e.at(path))?;
     let step = 1.0 / f64::from(1_u32 << header.fractional_bits);
     let data = |i: usize| streams.get(i).map_or(&[][..], |s| &s.data);
-    let mut thick = 0;
+    let (mut thick, mut broken) = (0, BrokenSplats::default());
+    let turn = coordinates.map(Coordinates::turn);
     let widths = header.widths();
     for i in 0..n {
         let row = |stream: usize| &data(stream)[i * widths[stream]..(i + 1) * widths[stream]];
@@ -84,6 +100,7 @@ fn splats(header: &Header, streams: &[Stream], path: &Path) -> Result<(SplatAsse
         let p = row(0);
         let third = p.len() / 3;
         let position = [&p[..third], &p[third..2 * third], &p[2 * third..]].map(|b| coordinate(b) as f32);
+        let position = turn.as_ref().map_or(position, |turn| turn.position(position));
         asset.positions.push(yup::position(position));
         asset.opacities.push((f32::from(row(1)[0]) / 255.0).max(f32::MIN_POSITIVE));
         let [x, y, z, w] = match *row(4) {
@@ -92,21 +109,26 @@ fn splats(header: &Header, streams: &[Stream], path: &Path) -> Result<(SplatAsse
         };
         let s = row(3);
         let scales = [s[0], s[1], s[2]].map(|c| (f64::from(c) / 16.0 - 10.0).exp());
-        let (q, scales) = ellipsoid::thinnest_last([w, x, y, z], scales);
-        thick += usize::from(ellipsoid::is_thick(scales));
+        let q = turn.as_ref().map_or([w, x, y, z], |turn| turn.rotation([w, x, y, z]));
+        let (q, scales) = ellipsoid::thinnest_last(q, scales);
         asset.rotations.push(yup::rotation_back(q.map(|v| v as f32)));
         asset.scales.push([scales[0] as f32, scales[1] as f32]);
         let dc = row(2).iter().map(|&c| super::write::dc_from_code(c) as f32);
         let rest = row(5).iter().map(|&c| (f32::from(c) - 128.0) / 128.0);
         let sh: Vec<f32> = dc.chain(rest).collect();
+        let sh = match &turn {
+            Some(turn) => turn.sh(&sh),
+            None => sh,
+        };
         asset.sh.extend(yup::sh(&sh));
         asset.sh_degrees.push(header.sh_degree as u8);
         asset.maps.push(AssetMap::default());
+        thick += usize::from(broken.is_sound(&asset, i) && ellipsoid::is_thick(scales));
     }
     if asset.positions.len() != n {
         return Err(Error::invalid(path, "splats are missing"));
     }
-    Ok((asset, thick))
+    Ok((asset, thick, broken))
 }
 
 /// Decompresses a file of any version.

@@ -53,7 +53,8 @@ fn splats_round_trip_within_half_a_step() {
         asset.filter = if degree == 1 { Filter::Ewa } else { Filter::None };
         let (bytes, summary) = encode_spz(&asset, &SpzOptions { version, sh_bits, cameras: false }).unwrap();
         assert_eq!((summary.bytes, summary.averaged_maps, summary.clamped_scales), (bytes.len(), 20, 0));
-        assert!(summary.position_error_texels > 0.0 && summary.position_error_texels < 1e-4);
+        // 19 bits behind the point, splats of a third of a unit and more.
+        assert!(summary.spacing.in_sigmas > 0.0 && summary.spacing.in_sigmas < 1e-4, "{:?}", summary.spacing);
         let read = decode(&bytes).unwrap();
         assert_eq!(read.format, format!("SPZ {}", version.number()));
         assert_eq!(read.sections.iter().map(|s| s.bytes).sum::<u64>(), bytes.len() as u64);
@@ -267,4 +268,86 @@ fn validation_reports_damaged_metadata_and_odd_splats() {
     asset.positions[7] = [1e4, 0.0, 0.0];
     let found = codes(&encode(&asset, SpzVersion::V3).unwrap().0);
     assert_eq!(found, [("LT4006", crate::Severity::Info), ("LT4007", crate::Severity::Warning)]);
+}
+
+/// A file of another program: the streams of one of ours, without its metadata, with these records announced.
+fn with_records(asset: &SplatAsset, version: SpzVersion, records: &[u8]) -> Vec<u8> {
+    use std::io::{Read, Write};
+    let ours = encode(asset, version).unwrap().0;
+    let flags = if records.is_empty() { 0 } else { extensions::HAS_EXTENSIONS };
+    if version == SpzVersion::V4 {
+        let toc = u32::from_le_bytes(ours[16..20].try_into().unwrap()) as usize;
+        let mut bytes = ours[..32].to_vec();
+        bytes[14] |= flags;
+        bytes[16..20].copy_from_slice(&(32 + records.len() as u32).to_le_bytes());
+        return [&bytes, records, &ours[toc..]].concat();
+    }
+    let mut bytes = Vec::new();
+    flate2::read::GzDecoder::new(&ours[..]).read_to_end(&mut bytes).unwrap();
+    bytes[14] |= flags;
+    let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    encoder.write_all(&[&bytes, records].concat()).unwrap();
+    encoder.finish().unwrap()
+}
+
+#[test]
+fn splats_in_other_coordinates_are_turned_and_reported() {
+    let asset = fixture(30, 3);
+    for version in [SpzVersion::V3, SpzVersion::V4] {
+        let plain = decode(&with_records(&asset, version, &[])).unwrap();
+        assert!(plain.warnings.is_empty(), "{:?}", plain.warnings);
+        // x right, y down, z front: half a turn about x from the coordinates of the format.
+        let rdf = extensions::tests::coordinates_record(6);
+        let turned = decode(&with_records(&asset, version, &rdf)).unwrap();
+        assert!(
+            turned.warnings.iter().any(|w| w.contains("RDF") && w.contains("turned")),
+            "{:?}",
+            turned.warnings
+        );
+        for i in 0..30 {
+            let [x, y, z] = plain.asset.positions[i];
+            assert_eq!(turned.asset.positions[i], [x, -y, -z]);
+            // The asset has y down as RDF has: what its codes say is what it is.
+            let codes = plain.asset.sh_of(i).iter().copied();
+            let expected: Vec<f32> = crate::math::yup::sh(&codes.collect::<Vec<_>>()).collect();
+            let worst =
+                expected.iter().zip(turned.asset.sh_of(i)).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            assert!(worst < 1e-6, "{worst}"); // needed 1.2e-7
+        }
+        assert_ne!(turned.asset.sh_of(0), plain.asset.sh_of(0), "negative control");
+        // Coordinates that are those of the format change nothing, unknown ones are warned of.
+        let rub = decode(&with_records(&asset, version, &extensions::tests::coordinates_record(4))).unwrap();
+        assert_eq!((&rub.asset, rub.warnings.len()), (&plain.asset, 0));
+        let odd = decode(&with_records(&asset, version, &extensions::tests::coordinates_record(99))).unwrap();
+        assert!(odd.asset == plain.asset && odd.warnings[0].contains("99"), "{:?}", odd.warnings);
+    }
+    let issues = validate(
+        &with_records(&asset, SpzVersion::V4, &extensions::tests::coordinates_record(6)),
+        Path::new("x"),
+    );
+    assert_eq!(issues.iter().map(|i| i.code).collect::<Vec<_>>(), ["LT4012"]);
+}
+
+#[test]
+fn broken_splats_of_version_1_are_left_out() {
+    use std::io::{Read, Write};
+    let bytes = older(&fixture(20, 0), 1);
+    let with_broken = |count: usize| {
+        let mut raw = Vec::new();
+        flate2::read::GzDecoder::new(&bytes[..]).read_to_end(&mut raw).unwrap();
+        // NaN and infinity as x, as floats of 16 bits.
+        (0..count).for_each(|i| raw[16 + 6 * (3 + i)..][..2].copy_from_slice(&[i as u8 & 1, 0x7c]));
+        let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+        encoder.write_all(&raw).unwrap();
+        decode(&encoder.finish().unwrap())
+    };
+    let read = with_broken(2).unwrap();
+    assert_eq!(read.asset.num_splats(), 18);
+    assert!(
+        read.warnings[0].starts_with("2 of 20 splats are broken and left out: 3, 4; splat 3"),
+        "{:?}",
+        read.warnings
+    );
+    assert!(with_broken(3).unwrap_err().to_string().contains("3 of 20 splats are broken, more than 10 %"));
+    assert_eq!(with_broken(0).unwrap().asset.num_splats(), 20, "negative control");
 }

@@ -13,11 +13,16 @@ pub fn validate(bytes: &[u8], path: &Path) -> Vec<Issue> {
     };
     let mut issues = Vec::new();
     for warning in &contents.warnings {
-        if warning.contains("metadata") {
-            issues.push(Issue::new("LT4010", Severity::Warning, "extension record", warning));
+        let (code, severity, place) = if warning.contains("metadata") {
+            ("LT4010", Severity::Warning, "extension record")
+        } else if warning.contains("extension record") || warning.contains("unknown extension") {
+            ("LT4012", Severity::Warning, "extension record")
+        } else if warning.contains("broken") {
+            ("LT4002", Severity::Error, "")
         } else {
-            issues.push(Issue::new("LT4008", Severity::Info, "", warning));
-        }
+            ("LT4008", Severity::Info, "")
+        };
+        issues.push(Issue::new(code, severity, place, warning));
     }
     let (asset, mut check) = (&contents.asset, Check::default());
     for i in 0..asset.num_splats() {

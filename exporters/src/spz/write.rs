@@ -3,6 +3,7 @@
 use super::{ANTIALIASED, COLOUR_SCALE, MAGIC, ShBits, SpzOptions, SpzVersion, gzip, rotation, zstd_streams};
 use crate::asset::meta::Meta;
 use crate::fallback::baked::{Baked, Baker};
+use crate::fallback::spacing::{Spacing, Spacings};
 use crate::math::sh::Turn;
 use crate::math::yup;
 use crate::{Filter, Result, SplatAsset};
@@ -19,8 +20,8 @@ pub struct SpzSummary {
     pub bytes: usize,
     /// Splats whose maps were averaged into their colours.
     pub averaged_maps: usize,
-    /// Largest error of a centre from rounding it to 24 bits, in texels of its map.
-    pub position_error_texels: f64,
+    /// How finely 24 bits resolve the splats.
+    pub spacing: Spacing,
     /// Splats with a scale outside the range of 8 bits (4.5e-5 to 380 units), not counting the thin axis.
     pub clamped_scales: usize,
 }
@@ -37,41 +38,37 @@ pub fn encode_spz(asset: &SplatAsset, options: &SpzOptions) -> Result<(Vec<u8>, 
     let extent = (0..n).flat_map(|i| baker.position(i)).fold(0.0_f64, |a, v| a.max(v.abs()));
     let fits = |bits: &u32| extent * f64::from(1_u32 << bits) <= FIXED_MAX;
     let fractional_bits = FRACTIONAL_BITS.rev().find(fits).ok_or_else(|| {
-        invalid!("", "centres up to {extent:.3e} units from the origin; SPZ holds coordinates up to 524,287: use other units")
+        let remedy = "move the origin of the file to the scene with --origin auto of litetex export; if that does not help, use larger units (--scale) or leave out what lies far away (--crop)";
+        invalid!("", "SPZ holds coordinates up to 524,287 units; these reach {extent:.3e}: {remedy}")
     })?;
+    let (step, mut spacings) = (1.0 / f64::from(1_u32 << fractional_bits), Spacings::default());
     let mut streams: [Vec<u8>; super::NUM_STREAMS] = Default::default();
     let mut summary = SpzSummary::default();
     let half_turn = Turn::new([0.0, 1.0, 0.0, 0.0]);
     for i in 0..n {
-        let map = &asset.maps[i];
         let splat = baker.splat(i);
-        let error = push(&mut streams, &splat, (fractional_bits, options.sh_bits), &half_turn, &mut summary);
-        if map.num_texels() > 0 {
-            summary.averaged_maps += 1;
-            let texels = error / (asset.world_from_local().scale * map.finer_texel_size());
-            summary.position_error_texels = summary.position_error_texels.max(texels);
-        }
+        push(&mut streams, &splat, (step, options.sh_bits), &half_turn, &mut summary);
+        summary.averaged_maps += usize::from(asset.maps[i].num_texels() > 0);
+        spacings.add(&splat, step);
     }
+    summary.spacing = spacings.summary();
     let bytes = file(asset, options, fractional_bits, &streams)?;
     summary.bytes = bytes.len();
     Ok((bytes, summary))
 }
 
-/// Appends a splat to the streams and returns the error of its centre.
+/// Appends a splat to the streams; `step` is that of coordinates.
 fn push(
     streams: &mut [Vec<u8>; 6],
     splat: &Baked,
-    (fractional_bits, sh_bits): (u32, ShBits),
+    (step, sh_bits): (f64, ShBits),
     half_turn: &Turn,
     summary: &mut SpzSummary,
-) -> f64 {
+) {
     let [positions, alphas, colours, scales, rotations, sh] = streams;
-    let step = 1.0 / f64::from(1_u32 << fractional_bits);
     let [x, y, z] = splat.position;
-    let mut error = 0.0;
     for v in [x, -y, -z] {
         let fixed = (v / step).round().clamp(-FIXED_MAX, FIXED_MAX);
-        error += (fixed * step - v).powi(2);
         positions.extend_from_slice(&(fixed as i32).to_le_bytes()[..3]);
     }
     let byte = |v: f64| v.round().clamp(0.0, 255.0) as u8;
@@ -90,7 +87,6 @@ fn push(
         let step = f64::from(sh_bits.step(i / 3));
         sh.push(byte(((c * 128.0 + 128.0) / step).round() * step));
     }
-    error.sqrt()
 }
 
 fn file(

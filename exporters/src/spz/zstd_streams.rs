@@ -1,6 +1,7 @@
 //! The container of version 4: a header, records of extensions, a table of contents and a zstd stream for each attribute.
 
 use super::container::{Container, Header, Stream};
+use super::extensions::{Extensions, META_RECORD};
 use super::{NAMES, NUM_STREAMS};
 use crate::files::limits::with_room;
 use crate::{Error, ReadLimits, Result};
@@ -10,8 +11,6 @@ use std::path::Path;
 const HEADER_BYTES: usize = 32;
 /// An entry of the table of contents: the sizes of a stream, compressed and not.
 const TOC_ENTRY_BYTES: usize = 16;
-/// Type of our record, which holds the metadata as JSON. Other programs skip it by the place of the table.
-const META_RECORD: u32 = 0x4c54_0001;
 /// Slow to write: files are written once and read often.
 const ZSTD_LEVEL: i32 = 19;
 
@@ -40,7 +39,7 @@ pub fn pack(header: &[u8], streams: &[Vec<u8>], meta: &[u8]) -> Result<Vec<u8>> 
     Ok(bytes)
 }
 
-/// Decompresses a file; skips the records of others.
+/// Decompresses a file.
 ///
 /// # Errors
 /// As [`super::decode_spz`].
@@ -77,7 +76,8 @@ pub fn unpack(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<Containe
         at += data.len();
         streams.push(Stream { data: decompressed(data, expected, &offence)?, packed_bytes: packed });
     }
-    Ok(Container { streams, meta: own_record(bytes, toc), header })
+    let records = bytes.get(HEADER_BYTES..toc.min(bytes.len())).unwrap_or_default();
+    Ok(Container { streams, extensions: Extensions::parse(records, header.flags), header })
 }
 
 fn decompressed(data: &[u8], expected: usize, offence: &dyn Fn(String) -> Error) -> Result<Vec<u8>> {
@@ -93,18 +93,4 @@ fn decompressed(data: &[u8], expected: usize, offence: &dyn Fn(String) -> Error)
 
 fn word(bytes: &[u8], at: usize) -> Option<u32> {
     bytes.get(at..at + 4)?.first_chunk().map(|b| u32::from_le_bytes(*b))
-}
-
-/// The contents of our record before the table of contents.
-fn own_record(bytes: &[u8], toc: usize) -> Option<Vec<u8>> {
-    let mut at = HEADER_BYTES;
-    while at.checked_add(8)? <= toc.min(bytes.len()) {
-        let (kind, length) = (word(bytes, at)?, word(bytes, at + 4)? as usize);
-        let value = bytes.get(at + 8..(at + 8).checked_add(length)?)?;
-        if kind == META_RECORD && length <= crate::asset::meta::META_BYTES_MAX {
-            return Some(value.to_vec());
-        }
-        at = (at + 8).checked_add(length)?;
-    }
-    None
 }

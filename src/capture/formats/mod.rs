@@ -8,6 +8,7 @@ mod colmap_bin;
 mod colmap_model;
 mod colmap_txt;
 mod json;
+mod listed_split;
 mod lookup;
 mod metashape;
 mod metashape_lens;

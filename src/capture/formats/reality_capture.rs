@@ -112,6 +112,7 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
     let inside = if folder.root.join("images").is_dir() { "images" } else { "" };
     let photos = folder.images.clone().unwrap_or_else(|| folder.photos(inside));
     let mut source = Source::at(path);
+    source.stated_up = Some(DVec3::Z);
     let mut columns: Option<Vec<String>> = None;
     let (mut total, mut left_out) = (0, LeftOut::default());
     for (index, line) in text.lines().enumerate() {

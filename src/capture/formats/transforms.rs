@@ -2,6 +2,7 @@
 //! Blender scenes. Poses are OpenGL camera-to-world (x right, y up, z backward).
 
 use super::json::{self, Number};
+use super::listed_split::{Filenames, Flags, Use, uses};
 use super::ply;
 use crate::camera::{Pinhole, RigidTransform};
 use crate::capture::folder::CaptureFolder;
@@ -49,6 +50,8 @@ struct Frame {
     transform_matrix: Option<Vec<Vec<Number>>>,
     #[serde(flatten)]
     intrinsics: Intrinsics,
+    #[serde(flatten)]
+    flags: Flags,
 }
 
 #[derive(Debug, Deserialize)]
@@ -56,8 +59,12 @@ struct File {
     #[serde(flatten)]
     intrinsics: Intrinsics,
     frames: Vec<Frame>,
+    /// Held out (ScanNet++).
+    #[serde(default)]
+    test_frames: Option<Vec<Frame>>,
     ply_file_path: Option<String>,
-    test_filenames: Option<Vec<String>>,
+    #[serde(flatten)]
+    filenames: Filenames,
 }
 
 /// See [`PoseFormat`].
@@ -96,6 +103,7 @@ fn files_in(root: &Path) -> Vec<(PathBuf, Option<Split>)> {
 
 fn read(files: &[(PathBuf, Option<Split>)], folder: &CaptureFolder) -> Result<Source> {
     let mut source = Source::at(files.first().map_or(&folder.root, |f| &f.0));
+    source.stated_up = files.first().is_some_and(|f| is_of_blender(&f.0)).then_some(DVec3::Z);
     for (path, split) in files {
         read_one(path, *split, folder, &mut source)?;
     }
@@ -110,14 +118,24 @@ fn read(files: &[(PathBuf, Option<Split>)], folder: &CaptureFolder) -> Result<So
         );
         source.report.warn("brown-k4", num_brown, what);
     }
+    if let [_, (held_out, _)] = files {
+        source.split_by = Some(quoted(&held_out.file_name().unwrap_or_default().to_string_lossy()));
+    }
     strip_common_folder(&mut source.views);
     Ok(source)
 }
 
 fn read_one(path: &Path, split: Option<Split>, folder: &CaptureFolder, source: &mut Source) -> Result<()> {
-    let file: File = json::read(path, "the JSON of nerfstudio, instant-ngp or Blender")?;
+    let mut file: File = json::read(path, "the JSON of nerfstudio, instant-ngp or Blender")?;
     let mut left_out = LeftOut::default();
+    let first_test = file.frames.len();
+    file.frames.extend(file.test_frames.take().unwrap_or_default());
+    let frames: Vec<_> = file.frames.iter().map(|f| (f.file_path.as_str(), &f.flags)).collect();
+    let filenames = std::mem::take(&mut file.filenames);
+    let uses = uses(path, &frames, first_test, filenames, folder, &mut source.report)?;
+    source.split_by = source.split_by.take().or(uses.split_by);
     for (index, frame) in file.frames.iter().enumerate() {
+        let Use::View(listed) = uses.frames[index] else { continue };
         let element = format!("frames[{index}] ({})", quoted(&frame.file_path));
         let camera_from_capture = match pose(frame.transform_matrix.as_deref()) {
             Ok(pose) => pose,
@@ -138,13 +156,10 @@ fn read_one(path: &Path, split: Option<Split>, folder: &CaptureFolder, source: &
                 continue;
             }
         };
-        let listed = file.test_filenames.as_ref().map(|names| {
-            if names.iter().any(|n| plain(n) == plain(&frame.file_path)) { Split::Test } else { Split::Train }
-        });
         source.views.push(SourceView {
             name: name(&folder.root, &frame.file_path, &photo),
             photo: Some(photo),
-            mask: frame.mask_path.as_ref().map(|m| folder.file(m)).transpose()?,
+            mask: frame.mask_path.as_ref().map(|mask| find_mask(folder, mask)).transpose()?,
             lens,
             camera_from_capture,
             split: split.or(listed),
@@ -160,8 +175,13 @@ fn read_one(path: &Path, split: Option<Split>, folder: &CaptureFolder, source: &
     Ok(())
 }
 
+/// Whether the frame is Blender's, in which z is up. `transforms.json` of other programs defines none.
+fn is_of_blender(path: &Path) -> bool {
+    path.file_name().is_some_and(|name| name == "transforms_train.json")
+}
+
 /// A stored path without `./` and with forward slashes.
-fn plain(file_path: &str) -> String {
+pub(super) fn plain(file_path: &str) -> String {
     let path = file_path.replace('\\', "/");
     path.trim_start_matches("./").to_owned()
 }
@@ -186,6 +206,14 @@ fn strip_common_folder(views: &mut [SourceView]) {
         for v in views.iter_mut() {
             v.name.drain(..prefix.len());
         }
+    }
+}
+
+/// The mask at a stored path, or where it should be.
+fn find_mask(folder: &CaptureFolder, stored: &str) -> Result<PathBuf> {
+    match folder.photos("").find(&plain(stored))? {
+        Some(found) => Ok(found),
+        None => folder.file(stored),
     }
 }
 

@@ -38,7 +38,9 @@ class Page {
             error: (error) => this.failed(error),
             camera: () => this.cameras.moved(),
             drawn: (frame) => showFigures(this.viewer, frame),
-        });
+            lost: () => this.stopped(),
+            restored: () => clear('driver'),
+        }, window);
         this.compare = new Compare(this.viewer);
         const changed = () => this.compare.setCamera(this.cameras.current, this.cameras.exact);
         this.cameras = new Cameras(this.viewer, changed, () => (this.compare.mode === 'photo' ? 'back to the photo' : 'back'));
@@ -167,12 +169,15 @@ class Page {
         // What did not arrive is asked for again; what is damaged stays so.
         if (this.reading && !(error instanceof SceneError)) this.revision = -1;
         this.reading = false;
-        const lost = this.viewer.renderer.gl.isContextLost();
-        if (lost) return say('driver', 'The graphics driver has stopped.', { error: true, lasting: true, action: { label: 'Reload', run: () => location.reload() } });
         const name = this.pending || this.name;
         this.pending = '';
         say('file', `${name ? `${name}: ` : ''}${error.message}`, { error: true });
         if (!this.viewer.info) byId('welcome').hidden = this.session !== null;
+    }
+
+    /** The browser has taken the context away. Once it is restored, the scene is made anew. */
+    private stopped(): void {
+        say('driver', 'The graphics driver has stopped. The scene comes back with it.', { error: true, lasting: true, action: { label: 'Reload', run: () => location.reload() } });
     }
 
     /** Says what is being waited for; nothing: a scene is there. */

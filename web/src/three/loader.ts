@@ -3,6 +3,7 @@
 import { Loader, type LoadingManager, Matrix4 } from 'three';
 import { openScene } from '../core/open';
 import type { SplatUpdate } from '../core/scene';
+import { fetchFile } from '../core/worker/fetch-file';
 import type { Source } from '../core/worker/messages';
 import type { SplatsOptions } from './data';
 import { LitetexSplats } from './splats';
@@ -51,14 +52,13 @@ export class LitetexLoader extends Loader<LitetexSplats> {
 
     /** Reads a whole file that is in memory. Rejects with a SceneError if it is damaged or of another kind. */
     parseAsync(data: ArrayBuffer): Promise<LitetexSplats> {
-        return loadSplats({ bytes: data.slice(0) }, this.options).then(placed);
+        return loadSplats({ bytes: data }, this.options).then(placed);
     }
 
     /** A file that needs headers or cookies is fetched here, as a whole. */
     private async source(url: string): Promise<Source> {
         if (Object.keys(this.requestHeader).length === 0 && !this.withCredentials) return { url };
-        const response = await fetch(url, { headers: this.requestHeader, credentials: this.withCredentials ? 'include' : 'same-origin' });
-        if (!response.ok) throw new Error(`${url}: the server answers ${response.status} ${response.statusText}`);
+        const response = await fetchFile(url, { headers: this.requestHeader, credentials: this.withCredentials ? 'include' : 'same-origin' });
         return { bytes: await response.arrayBuffer() };
     }
 

@@ -9,6 +9,8 @@ const DOLLY_PER_PX = 0.0015;
 /** Part of the distance to the target that keys move per second. */
 const FLY_PER_SEC = 0.6;
 const TURN_PER_SEC = 0.9;
+/** A key that is tapped moves as if it were held for this long. */
+const TAP_SECS = 1 / 60;
 
 const MOVES: Record<string, readonly [right: number, down: number, forward: number]> = {
     KeyW: [0, 0, 1], KeyS: [0, 0, -1], KeyA: [-1, 0, 0], KeyD: [1, 0, 0], KeyE: [0, -1, 0], KeyQ: [0, 1, 0],
@@ -25,8 +27,11 @@ export class Controls {
     private readonly pressed = new Set<string>();
     private readonly stop = new AbortController();
 
-    /** `pose` gives the one to move; `moved` is called after every change. */
-    constructor(private readonly surface: HTMLElement, private readonly pose: () => Pose | null, private readonly moved: () => void) {
+    /**
+     * `pose` gives the one to move; `moved` is called after every change. Keys are taken from `keys`, which may be the window or
+     * an element around the surface: letters wherever the focus is, but in a field; arrows, which others need, of the surface only.
+     */
+    constructor(private readonly surface: HTMLElement, private readonly pose: () => Pose | null, private readonly moved: () => void, keys: EventTarget) {
         const signal = this.stop.signal;
         surface.style.touchAction = 'none';
         surface.addEventListener('pointerdown', (event) => this.down(event), { signal });
@@ -36,9 +41,10 @@ export class Controls {
         }
         surface.addEventListener('wheel', (event) => this.wheel(event), { signal, passive: false });
         surface.addEventListener('contextmenu', (event) => event.preventDefault(), { signal });
-        surface.addEventListener('keydown', (event) => this.key(event, true), { signal });
-        surface.addEventListener('keyup', (event) => this.key(event, false), { signal });
-        surface.addEventListener('blur', () => this.pressed.clear(), { signal });
+        keys.addEventListener('keydown', (event) => this.press(event as KeyboardEvent), { signal });
+        keys.addEventListener('keyup', (event) => this.release(event as KeyboardEvent), { signal });
+        // Keys are released elsewhere then.
+        keys.addEventListener(keys === window ? 'blur' : 'focusout', () => this.pressed.clear(), { signal });
     }
 
     dispose(): void {
@@ -54,13 +60,14 @@ export class Controls {
     advance(secs: number): boolean {
         const pose = this.pose();
         if (!pose || !this.enabled || this.pressed.size === 0) return false;
-        const step = FLY_PER_SEC * pose.distance * secs;
-        for (const code of this.pressed) {
-            const move = MOVES[code], turn = TURNS[code];
-            if (move) pose.move(step * move[0], step * move[1], step * move[2]);
-            if (turn) pose.turn(TURN_PER_SEC * secs * turn[0], TURN_PER_SEC * secs * turn[1], this.mode === 'fly');
-        }
+        for (const code of this.pressed) this.step(pose, code, secs);
         return true;
+    }
+
+    private step(pose: Pose, code: string, secs: number): void {
+        const move = MOVES[code], turn = TURNS[code], step = FLY_PER_SEC * pose.distance * secs;
+        if (move) pose.move(step * move[0], step * move[1], step * move[2]);
+        if (turn) pose.turn(TURN_PER_SEC * secs * turn[0], TURN_PER_SEC * secs * turn[1], this.mode === 'fly');
     }
 
     private down(event: PointerEvent): void {
@@ -109,12 +116,30 @@ export class Controls {
         this.moved();
     }
 
-    private key(event: KeyboardEvent, down: boolean): void {
-        if (!(event.code in MOVES || event.code in TURNS) || event.ctrlKey || event.metaKey || event.altKey) return;
-        if (!this.enabled) return;
+    private press(event: KeyboardEvent): void {
+        const { code } = event;
+        if (!this.enabled || event.defaultPrevented || event.ctrlKey || event.metaKey || event.altKey) return;
+        const target = event.composedPath()[0] as Element;
+        const isOurs = target === this.surface || target === document.body;
+        if (!(isOurs && code in TURNS) && !(code in MOVES && (isOurs || !needsLetters(target)))) return;
         event.preventDefault();
-        if (down) this.pressed.add(event.code);
-        else this.pressed.delete(event.code);
+        const pose = this.pose();
+        // At once: a tap may be over before the next image.
+        if (pose && !this.pressed.has(code)) this.step(pose, code, TAP_SECS);
+        this.pressed.add(code);
         this.moved();
     }
+
+    private release({ code }: KeyboardEvent): void {
+        if (this.pressed.delete(code)) this.moved();
+    }
+}
+
+/** Inputs that letters do nothing in. */
+const WITHOUT_LETTERS = ['button', 'checkbox', 'color', 'file', 'image', 'radio', 'range', 'reset', 'submit'];
+
+/** Whether someone types there, or is to answer a dialog first. */
+function needsLetters(element: Element): boolean {
+    if (element instanceof HTMLInputElement) return !WITHOUT_LETTERS.includes(element.type);
+    return Boolean((element as HTMLElement).isContentEditable || element.closest?.('textarea, select, dialog[open]'));
 }

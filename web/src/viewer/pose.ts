@@ -108,7 +108,10 @@ export function homePose(info: SceneInfo, bounds: Sphere): Pose {
         pose.distance = orbitDistance(pose, cameras, bounds);
         return pose;
     }
-    pose.centre = add(bounds.centre, scale(normalize([0.3, 0.25, 1]), 2.5 * bounds.radius));
+    // A little from above in the world, whatever the axes of the data.
+    const m = info.worldFromData;
+    const [x, y, z] = [0, 4, 8].map((i) => dot([m[i], m[i + 1], m[i + 2]], [0.3, 0.25, 1]));
+    pose.centre = add(bounds.centre, scale(normalize([x, y, z]), 2.5 * bounds.radius));
     pose.lookAt(bounds.centre);
     return pose;
 }
@@ -118,13 +121,10 @@ export function homeCamera(info: SceneInfo): SceneCamera | undefined {
     return info.cameras[info.home ?? -1] ?? info.cameras.find((camera) => !camera.heldOut) ?? info.cameras[0];
 }
 
-/** Up: what most cameras held upright say, for captures have no gravity; without cameras that of the file. */
+/** Up: y of the world, which the program that wrote the file has stood upright. */
 export function upOf(info: SceneInfo): Vec3 {
     const m = info.worldFromData;
-    const world = normalize([m[1], m[5], m[9]]);
-    const sum = info.cameras.reduce<Vec3>((a, { rotation: r }) => sub(a, [r[3], r[4], r[5]]), [0, 0, 0]);
-    // Cameras that disagree by much, as around an object on a table seen from above, say little.
-    return length(sum) > 0.3 * info.cameras.length ? normalize(sum, world) : world;
+    return normalize([m[1], m[5], m[9]]);
 }
 
 /** Distance along the axis to the point nearest to all other cameras' axes; to the scene's middle if they do not meet. */

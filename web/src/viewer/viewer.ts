@@ -5,7 +5,7 @@ import type { Colours } from '../core/render/colours';
 import { type DrawOptions, SplatRenderer } from '../core/render/renderer';
 import type { View } from '../core/render/view';
 import { startReading, startWorker } from '../core/worker/start';
-import { errorOf, type FromWorker, type Source } from '../core/worker/messages';
+import { errorOf, type FromWorker, type KeptFile, type Source, stored, type StoredSource } from '../core/worker/messages';
 import { sceneBounds, type Sphere } from './bounds';
 import { Controls } from './controls';
 import { homePose, type Pose } from './pose';
@@ -21,8 +21,14 @@ export interface ViewerEvents {
     error?(error: Error): void;
     /** The camera has moved. */
     camera?(): void;
+    /** Someone moves the camera by mouse, touch or keys. */
+    held?(): void;
     /** An image has been drawn. */
     drawn?(frame: FrameFigures): void;
+    /** The browser has taken the context, so that the canvas is empty. */
+    lost?(): void;
+    /** It is there again. What was shown is read once more, without further events. */
+    restored?(): void;
 }
 
 export interface OpenOptions {
@@ -37,6 +43,17 @@ export interface FrameFigures {
     ms: number;
     widthPx: number;
     heightPx: number;
+    /** Whether it shows the whole file, in the right order. */
+    complete: boolean;
+}
+
+/** A file to read, and how. */
+interface Reading {
+    readonly source: StoredSource;
+    readonly keepPose: boolean;
+    readonly whole: boolean;
+    /** It has been read before: nobody is told but of errors. */
+    readonly again: boolean;
 }
 
 /** While the camera moves, images that take longer are drawn smaller. */
@@ -51,14 +68,26 @@ export class Viewer {
     pose: Pose | null = null;
     colours: Colours = 'trained';
     background: DrawOptions['background'];
+    /** Of files that are opened from now on, at most this many splats are shown: those that contribute most. */
+    maxSplats = Infinity;
     /** Radians per second around the target. */
     autoRotate = 0;
     info: SceneInfo | null = null;
     /** Drawn instead of the plain image, if set: for comparisons side by side. */
     compose: ((view: View, options: DrawOptions) => void) | null = null;
-    private positions: Float32Array = new Float32Array(0);
     private bounds: Sphere | null = null;
-    private reading: Worker | null = null;
+    private worker: Worker | null = null;
+    /** What is being read, or will be once there is a context. */
+    private reading: Reading | null = null;
+    /** What is shown, once it has arrived as a whole: what is made of it goes with the context. */
+    private kept: KeptFile | null = null;
+    /** The whole file is there, and was sorted. */
+    private complete = false;
+    /** Counts scenes; the same one after the loss of the context is another. */
+    private scene = 0;
+    private completeDrawn = false;
+    /** Neither reads nor draws; the context is given up. */
+    private isResting = false;
     /** What has been read of a file that is shown only as a whole. */
     private held: FromWorker[] = [];
     /** The canvas keeps its image until a new scene is sorted. */
@@ -68,6 +97,7 @@ export class Viewer {
     private frame = 0;
     private fence: WebGLSync | null = null;
     private fenceStart = 0;
+    private fenceComplete = false;
     private lastTick = 0;
     private lastMove = -Infinity;
     /** Size of the next image while moving, and of the last one, compared with the canvas. */
@@ -76,34 +106,58 @@ export class Viewer {
     private readonly resize: ResizeObserver;
     private readonly gone = new AbortController();
 
-    constructor(readonly canvas: HTMLCanvasElement, private readonly events: ViewerEvents, private readonly maxSplats = Infinity) {
-        this.renderer = new SplatRenderer(canvas, { maxSplats, onOrder: () => this.invalidate() });
-        this.controls = new Controls(canvas, () => this.pose, () => this.moved());
+    /** `keys`: what keys are taken from, see Controls. */
+    constructor(readonly canvas: HTMLCanvasElement, private readonly events: ViewerEvents, keys: EventTarget) {
+        const viewer = this;
+        this.renderer = new SplatRenderer(canvas, {
+            get maxSplats() { return viewer.maxSplats; },
+            onOrder: () => this.invalidate(), onLost: () => this.lost(), onRestored: () => this.restored(),
+        });
+        this.controls = new Controls(canvas, () => this.pose, () => {
+            this.events.held?.();
+            this.moved();
+        }, keys);
         this.resize = new ResizeObserver(() => this.invalidate());
         this.resize.observe(canvas);
-        canvas.addEventListener('webglcontextlost', (event) => {
-            event.preventDefault();
-            this.events.error?.(new Error('the graphics driver has stopped; reload the page'));
-        }, { signal: this.gone.signal });
         this.invalidate();
     }
 
     /** Reads and shows a file. */
     open(source: Source, { keepPose = false, whole = keepPose }: OpenOptions = {}): void {
         this.close();
-        const generation = ++this.generation;
-        const take = whole ? this.hold : this.receive;
-        const receive = (message: FromWorker) => { if (generation === this.generation) take.call(this, message, keepPose); };
-        this.reading = startWorker(receive);
-        startReading(this.reading, source, this.maxSplats);
+        this.read({ source: stored(source), keepPose, whole, again: false });
     }
 
     /** Stops reading. */
     close(): void {
         this.generation++;
-        this.reading?.terminate();
-        this.reading = null;
+        this.worker?.terminate();
+        this.worker = this.reading = null;
         this.held = [];
+    }
+
+    /**
+     * Gives the context up, of which browsers allow few on a page, until `wake`. Returns whether the image, which the canvas
+     * shows no longer, has been drawn onto `still`: it is unless it was not complete.
+     */
+    rest(still: HTMLCanvasElement): boolean {
+        const { canvas, pose } = this;
+        this.isResting = true;
+        const isDrawn = Boolean(this.completeDrawn && pose && !this.renderer.lost);
+        if (isDrawn) {
+            this.paint(pose!.view(canvas.width, canvas.height));
+            Object.assign(still, { width: canvas.width, height: canvas.height });
+            still.getContext('2d')!.drawImage(canvas, 0, 0);
+        }
+        this.renderer.release();
+        return isDrawn;
+    }
+
+    /** Takes the context again, and shows what it showed; `drawn` tells when. */
+    wake(): void {
+        this.isResting = false;
+        this.renderer.retake();
+        this.invalidate();
     }
 
     /** Takes exactly the view of a camera of the capture. */
@@ -130,6 +184,7 @@ export class Viewer {
 
     /** What the canvas shows now, as a PNG image of its full size. */
     async screenshot(): Promise<Blob> {
+        if (this.renderer.lost) throw new Error('the graphics driver has stopped');
         const wanted = this.sizedView(1);
         if (wanted) await this.renderer.sorted(wanted);
         // Meanwhile a smaller image may have been drawn, as while moving.
@@ -149,53 +204,88 @@ export class Viewer {
         this.renderer.dispose();
     }
 
+    private read(reading: Reading): void {
+        this.reading = reading;
+        if (this.renderer.lost) return; // until it is restored
+        const generation = ++this.generation;
+        const take = reading.whole ? this.hold : this.receive;
+        this.worker = startWorker((message) => { if (generation === this.generation) take.call(this, message, reading); });
+        startReading(this.worker, reading.source, this.maxSplats);
+    }
+
+    private lost(): void {
+        this.generation++;
+        this.worker?.terminate();
+        this.worker = this.fence = null;
+        this.held = [];
+        this.scene++;
+        this.replacing = this.complete = this.completeDrawn = false;
+        if (this.info) this.boundsOfScene(); // as long as the centres are there
+        if (!this.isResting) this.events.lost?.();
+    }
+
+    /** Everything in the context has gone with it. Of a file that had not arrived as a whole, reading begins anew. */
+    private restored(): void {
+        const { reading, kept } = this;
+        this.events.restored?.();
+        if (reading) this.read(reading);
+        else if (kept) this.read({ source: kept, keepPose: true, whole: false, again: true });
+        this.invalidate();
+    }
+
     /** Keeps what is read until all of it is there, then replaces the scene at once. */
-    private hold(message: FromWorker, keepPose: boolean): void {
-        if (message.kind === 'failed') return this.receive(message, keepPose);
+    private hold(message: FromWorker, reading: Reading): void {
+        if (message.kind === 'failed') return this.receive(message, reading);
         this.held.push(message);
         const first = this.held[0];
         if (message.kind === 'update' && first.kind === 'info') this.events.progress?.(message.update.bytes, first.info.fileBytes);
         if (message.kind !== 'done') return;
-        this.replacing = true;
-        for (const held of this.held.splice(0)) this.receive(held, keepPose);
-        const view = this.sizedView(this.drawnRatio);
-        void (view ? this.renderer.sorted(view) : Promise.resolve()).then(() => {
-            this.replacing = false;
-            this.invalidate();
-        });
+        for (const held of this.held.splice(0)) this.receive(held, reading);
     }
 
-    private receive(message: FromWorker, keepPose: boolean): void {
+    private receive(message: FromWorker, reading: Reading): void {
+        const { keepPose, again } = reading;
         switch (message.kind) {
             case 'info':
                 this.info = message.info;
-                this.positions = new Float32Array(0);
+                this.scene++;
+                this.bounds = null;
+                this.replacing = reading.whole;
+                this.complete = this.completeDrawn = false;
+                this.kept = again ? this.kept : null;
                 this.renderer.start(message.info);
                 if (!keepPose || !this.pose) this.pose = message.info.cameras.length ? homePose(message.info, { centre: [0, 0, 0], radius: 1 }) : null;
-                this.events.info?.(message.info);
+                if (!again) this.events.info?.(message.info);
                 break;
-            case 'update': {
-                const { first, splats } = message.update;
+            case 'update':
                 this.renderer.apply(message.update);
-                const positions = new Float32Array(3 * first + splats.positions.length);
-                positions.set(this.positions.subarray(0, 3 * first));
-                positions.set(splats.positions, 3 * first);
-                this.positions = positions;
                 this.bounds = null;
                 this.pose ??= homePose(this.info!, this.boundsOfScene());
-                this.events.progress?.(message.update.bytes, this.info!.fileBytes);
+                if (!again) this.events.progress?.(message.update.bytes, this.info!.fileBytes);
                 break;
-            }
             case 'done':
-                this.reading?.terminate();
-                this.reading = null;
-                this.events.load?.();
+                this.worker?.terminate();
+                this.worker = this.reading = null;
+                this.kept = message.kept;
+                if (!again) this.events.load?.();
+                void this.complement();
                 break;
             case 'failed':
                 this.close();
                 this.events.error?.(errorOf(message));
                 return;
         }
+        this.invalidate();
+    }
+
+    /** Waits for the order of all splats: then images are complete. */
+    private async complement(): Promise<void> {
+        const { scene } = this;
+        const view = this.sizedView(this.drawnRatio);
+        if (view) await this.renderer.sorted(view);
+        if (scene !== this.scene) return;
+        this.complete = true;
+        this.replacing = false;
         this.invalidate();
     }
 
@@ -207,6 +297,7 @@ export class Viewer {
 
     private tick(time: number): void {
         this.frame = 0;
+        if (this.renderer.lost) return; // `restored` goes on
         const secs = Math.min(0.1, (time - this.lastTick) / 1000);
         this.lastTick = time;
         if (this.controls.advance(secs)) this.moved();
@@ -223,6 +314,7 @@ export class Viewer {
             if (view) {
                 this.dirty = false;
                 this.fenceStart = performance.now();
+                this.fenceComplete = this.complete;
                 this.paint(view);
                 this.fence = this.renderer.gl.fenceSync(this.renderer.gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
             } else {
@@ -243,7 +335,8 @@ export class Viewer {
         gl.deleteSync(this.fence);
         this.fence = null;
         const ms = performance.now() - this.fenceStart;
-        this.events.drawn?.({ ms, widthPx: this.canvas.width, heightPx: this.canvas.height });
+        this.completeDrawn = this.fenceComplete && this.complete;
+        this.events.drawn?.({ ms, widthPx: this.canvas.width, heightPx: this.canvas.height, complete: this.completeDrawn });
         const wanted = this.drawnRatio * Math.sqrt(MOVING_MS / Math.max(ms, 1));
         // The ratio is for the next image, if the camera moves then; a resting camera gets the full size.
         this.ratio = Math.max(LEAST_RATIO, Math.min(1, wanted > 0.9 ? 1 : wanted));
@@ -277,6 +370,6 @@ export class Viewer {
     }
 
     private boundsOfScene(): Sphere {
-        return this.bounds ??= sceneBounds(this.info!, () => this.positions);
+        return this.bounds ??= sceneBounds(this.info!, () => this.renderer.centres);
     }
 }

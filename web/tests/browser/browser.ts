@@ -23,8 +23,8 @@ export class BrowserTest {
     readonly errors: string[] = [];
     private constructor(readonly browser: Browser, readonly server: ViteDevServer, readonly page: Page, readonly url: string) {}
 
-    /** Opens a page of `tests/browser`; files of `folders` can be fetched by their absolute paths as `/@fs/PATH`. */
-    static async open(path: string, folders: readonly string[] = []): Promise<BrowserTest> {
+    /** Opens a page of `tests/browser`, where `init` runs first; files of `folders` can be fetched by their absolute paths as `/@fs/PATH`. */
+    static async open(path: string, folders: readonly string[] = [], init: () => void = () => {}): Promise<BrowserTest> {
         const server = await createServer({
             root: WEB, configFile: false, logLevel: 'error', server: { port: 0, host: '127.0.0.1', fs: { allow: [WEB, ...folders] }, hmr: false, watch: null },
             optimizeDeps: { noDiscovery: true },
@@ -36,6 +36,7 @@ export class BrowserTest {
         const test = new BrowserTest(browser, server, page, url);
         page.on('console', (message) => { if (message.type() === 'error') test.errors.push(message.text()); });
         page.on('pageerror', (error) => test.errors.push(String(error)));
+        await page.addInitScript(init);
         await page.goto(url + path);
         await page.waitForFunction(() => 'ready' in window).catch((error) => { throw new Error(`${path}: ${test.errors.join('; ') || error}`); });
         return test;

@@ -1,7 +1,7 @@
 import { expect, test } from 'vitest';
-import type { SceneCamera } from '../../src/core/scene';
+import type { SceneCamera, SceneInfo } from '../../src/core/scene';
 import { centreOf, viewOf } from '../../src/core/render/view';
-import { fitted, Pose } from '../../src/viewer/pose';
+import { fitted, homePose, Pose } from '../../src/viewer/pose';
 import { cross, dot, length, type Vec3 } from '../../src/viewer/vector';
 
 const CAMERA: SceneCamera = {
@@ -18,6 +18,18 @@ test('a camera is taken exactly', () => {
     view.translation.forEach((t, i) => expect(t).toBeCloseTo(expected.translation[i], 12));
     expect(view.focalPx).toEqual(expected.focalPx);
     expect(view.principalPx).toEqual(expected.principalPx);
+});
+
+test('up is that of the world, not the mean of the cameras, which look down', () => {
+    // Data with z up.
+    const worldFromData = [1, 0, 0, 0, 0, 0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 1];
+    const info = { worldFromData, cameras: [CAMERA], home: 0 } as unknown as SceneInfo;
+    const bounds = { centre: [0, 0, 0] as Vec3, radius: 1 };
+    homePose(info, bounds).up.forEach((v, i) => expect(v).toBeCloseTo([0, 0, 1][i], 12));
+    const without = homePose({ ...info, cameras: [] }, bounds);
+    expect(dot(without.centre, without.up)).toBeGreaterThan(0.3);
+    expect(dot(without.down, without.up)).toBeLessThan(-0.9);
+    expect(dot(without.right, without.up)).toBeCloseTo(0, 12);
 });
 
 test('an image is fitted into a viewport of another shape, whole and centred', () => {

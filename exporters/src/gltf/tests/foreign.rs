@@ -157,7 +157,7 @@ fn foreign_file(quaternions: &[[f64; 4]], scales: &[[f32; 3]]) -> Vec<u8> {
             .collect(),
     );
     push(scales.iter().flatten().flat_map(|v| v.to_le_bytes()).collect());
-    push(vec![255, 128, 0, 51][..n].to_vec());
+    push([255, 128, 0, 51].into_iter().cycle().take(n).collect());
     push((0..3 * n).flat_map(|i| (0.1 * i as f32).to_le_bytes()).collect());
     let accessor = |view: usize, kind: u32, shape: &str, normalized: bool| json!({"bufferView": view, "componentType": kind, "type": shape, "count": n, "normalized": normalized});
     let json = json!({
@@ -224,6 +224,44 @@ fn ellipsoids_become_surfels_along_their_two_largest_axes() {
         issues.iter().any(|i| i.code == "LT1028") && issues.iter().any(|i| i.code == "LT1014"),
         "{issues:?}"
     );
+}
+
+#[test]
+fn broken_splats_of_other_programs_are_left_out_but_not_ours() {
+    let n = 20;
+    let file = |changes: &[(usize, [f64; 4], [f32; 3])]| {
+        let mut quaternions = vec![[1.0, 0.0, 0.0, 0.0]; n];
+        let mut scales = vec![[0.1, 0.2, 1e-6]; n];
+        for &(at, q, s) in changes {
+            (quaternions[at], scales[at]) = (q, s);
+        }
+        foreign_file(&quaternions, &scales)
+    };
+    let unit = [1.0, 0.0, 0.0, 0.0];
+    for (q, s, word) in [
+        ([0.0; 4], [0.1; 3], "rotation"),
+        (unit, [f32::NAN, 0.1, 0.1], "scales"),
+        (unit, [0.1, -0.1, 0.1], "scales"),
+    ] {
+        let read = decode(&file(&[(7, q, s)])).unwrap();
+        assert_eq!((read.asset.num_splats(), read.asset.positions[7][0]), (n - 1, 24.0));
+        let warning = &read.warnings[0];
+        assert!(
+            warning.starts_with("1 of 20 splats is broken and left out: splat 7: ") && warning.contains(word)
+        );
+    }
+    let many = [0, 1, 2].map(|at| (at, [0.0; 4], [0.1; 3]));
+    let error = decode(&file(&many)).unwrap_err().to_string();
+    assert!(error.contains("3 of 20 splats are broken, more than 10 %"), "{error}");
+    assert!(decode(&file(&[])).unwrap().warnings.is_empty(), "negative control");
+    // With our extension, one is too many.
+    let ours = encode_glb(&hard_fixture(30, 0), &options(Quality::Lossless)).unwrap();
+    let (json, mut bin) = split(&ours);
+    let at = json.pointer(PRIMITIVE).unwrap()["attributes"]["POSITION"].as_u64().unwrap() as usize;
+    let view = json["accessors"][at]["bufferView"].as_u64().unwrap() as usize;
+    let offset = json["bufferViews"][view]["byteOffset"].as_u64().unwrap_or(0) as usize;
+    bin[offset..offset + 4].copy_from_slice(&f32::NAN.to_le_bytes());
+    assert!(decode(&join(&json, bin)).unwrap_err().to_string().contains("splat 0: position"));
 }
 
 #[test]

@@ -11,6 +11,9 @@ export { SceneSplats, concatenate } from './splats';
 /**
  * Reads a `.ltgs` file (`exporters/schema/ltgs.md`) or a `.glb` file of splats (`exporters/schema/gltf.md`).
  *
+ * Bytes may be a part of a larger buffer, a Buffer of Node.js, or in memory that threads share; they stay as they are. So may the
+ * pieces of a stream.
+ *
  * Rejects with SceneError for a file that is damaged or of another kind, with the reason of `signal` if that is aborted, and
  * with the error of a stream that fails. What was given in updates before can be shown.
  */

@@ -61,7 +61,7 @@ export class Source {
         const piece = await this.next();
         this.signal?.throwIfAborted();
         if (piece === null) return false;
-        this.pieces.push(piece);
+        this.pieces.push(plain(piece));
         this.arrived += piece.length;
         return true;
     }
@@ -75,13 +75,23 @@ export class Source {
     }
 }
 
+/**
+ * The same bytes as a Uint8Array proper. `slice` of a Buffer of Node.js shares its memory instead of copying it, and browsers
+ * neither inflate nor decode memory that threads share.
+ */
+function plain(bytes: Uint8Array): Uint8Array {
+    const { buffer, byteOffset, byteLength } = bytes;
+    const same = new Uint8Array(buffer, byteOffset, byteLength);
+    return buffer instanceof ArrayBuffer || Object.prototype.toString.call(buffer) === '[object ArrayBuffer]' ? same : new Uint8Array(same);
+}
+
 /** A source of all bytes at once, or of those of a stream, which is cancelled when `close` is called or `signal` aborted. */
 export function openSource(
     from: ArrayBuffer | Uint8Array | ReadableStream<Uint8Array>,
     signal: AbortSignal | undefined,
 ): { readonly source: Source; readonly close: () => void } {
     if (!('getReader' in from)) {
-        let rest: Uint8Array | null = from instanceof Uint8Array ? from : new Uint8Array(from);
+        let rest: Uint8Array | null = ArrayBuffer.isView(from) ? from : new Uint8Array(from);
         const next = async (): Promise<Uint8Array | null> => {
             const all = rest;
             rest = null;

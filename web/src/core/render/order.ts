@@ -1,4 +1,4 @@
-/** Keeps splats sorted for the camera, in a worker where one can be had. */
+/** Keeps splats sorted for the camera, in a worker where one can be had, else here. */
 
 import type { FromWorker, ToWorker } from '../worker/messages';
 import { startWorker } from '../worker/start';
@@ -9,7 +9,8 @@ import type { View } from './view';
 const AXIS_TOLERANCE = 1e-6;
 
 export class Order {
-    private readonly worker: Worker | null;
+    private worker: Worker | null;
+    /** Has the centres, too, so that it can take over from a worker that fails: the page may let none start, or memory be short. */
     private readonly sorter = new Sorter();
     private sorted: SortView | null = null;
     private wanted: SortView | null = null;
@@ -28,12 +29,15 @@ export class Order {
     setPositions(first: number, xyz: Float32Array): void {
         this.generation++;
         this.sorted = null;
-        if (this.worker) {
-            const copy = xyz.slice();
-            this.post({ kind: 'positions', first, xyz: copy }, [copy.buffer]);
-        } else {
-            this.sorter.set(first, xyz);
-        }
+        this.sorter.set(first, xyz);
+        if (!this.worker) return;
+        const copy = xyz.slice();
+        this.post({ kind: 'positions', first, xyz: copy }, [copy.buffer]);
+    }
+
+    /** Centres of all splats: x, y, z of each. */
+    get centres(): Float32Array {
+        return this.sorter.centres;
     }
 
     /** Asks for the order of a view. Translation alone changes no order. */
@@ -79,6 +83,11 @@ export class Order {
 
     private receive(message: FromWorker): void {
         this.busy = false;
+        if (message.kind === 'failed') {
+            this.worker?.terminate();
+            this.worker = null;
+            this.wanted ??= this.sorted;
+        }
         if (message.kind === 'order') {
             this.lastMs = message.ms;
             // An order of splats that have changed since would be of the wrong length.

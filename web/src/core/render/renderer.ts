@@ -3,6 +3,7 @@
 import type { SceneInfo, SplatUpdate } from '../scene';
 import { type Precision, SplatBuffers } from './buffers';
 import { classColours, COLOURS, type Colours } from './colours';
+import { Loss } from './loss';
 import { Order } from './order';
 import { type Program, resolveProgram, splatProgram } from './program';
 import { bestTarget, Target, type TargetFormat } from './targets';
@@ -15,6 +16,10 @@ export interface RendererOptions {
     target?: TargetFormat | 'canvas';
     /** Called when another order is there, so that an image should be drawn. */
     onOrder?: () => void;
+    /** Called when the browser has taken the context away, as of tabs in the background: the canvas is empty, and `draw` does nothing. */
+    onLost?: () => void;
+    /** Called when it is there again, without splats: `start` and `apply` must give them once more, as `Opened.again` does. */
+    onRestored?: () => void;
     /** Shows at most this many splats, those that contribute most: for weak devices. */
     maxSplats?: number;
     /** For measurements: what stands before the fragment shader, `#define COUNT_FRAGMENTS` or `#define COUNT_DRAWN`. */
@@ -31,79 +36,104 @@ export interface DrawOptions {
     scissorPx?: readonly [x: number, y: number, width: number, height: number];
 }
 
+/** What the context holds besides the scene. */
+interface Tools {
+    readonly order: Order;
+    readonly program: Program;
+    readonly resolve: Program;
+    readonly vertexArray: WebGLVertexArrayObject;
+    readonly indices: WebGLBuffer;
+    readonly format: TargetFormat | null;
+}
+
 export class SplatRenderer {
     readonly gl: WebGL2RenderingContext;
     info: SceneInfo | null = null;
-    private readonly order: Order;
-    private readonly program: Program;
-    private readonly resolve: Program;
-    private readonly vertexArray: WebGLVertexArrayObject;
-    private readonly indices: WebGLBuffer;
-    private readonly format: TargetFormat | null;
+    /** Null while the context is lost. */
+    private tools: Tools | null = null;
     private buffers: SplatBuffers | null = null;
     private target: Target | null = null;
     private drawn = 0;
+    /** Of the scene before the context was lost. */
+    private before = { splats: 0, texels: 0, bytes: 0, sortMs: 0 };
+    private readonly loss: Loss;
 
     constructor(readonly canvas: HTMLCanvasElement | OffscreenCanvas, private readonly options: RendererOptions = {}) {
         const gl = canvas.getContext('webgl2', { antialias: false, depth: false, premultipliedAlpha: true, powerPreference: 'high-performance' });
         if (!gl) throw new Error('this browser has no WebGL2');
         this.gl = gl as WebGL2RenderingContext;
-        const best = bestTarget(this.gl); // also allows targets of floats that options ask for
-        this.format = options.target === 'canvas' ? null : options.target ?? best;
-        if (this.format === 'rgba32f') this.gl.getExtension('EXT_float_blend');
-        this.program = splatProgram(this.gl, options.defines);
-        this.resolve = resolveProgram(this.gl);
-        this.vertexArray = this.gl.createVertexArray()!;
-        this.indices = this.gl.createBuffer()!;
-        this.gl.bindVertexArray(this.vertexArray);
-        this.gl.bindBuffer(this.gl.ARRAY_BUFFER, this.indices);
-        this.gl.enableVertexAttribArray(0);
-        this.gl.vertexAttribIPointer(0, 1, this.gl.UNSIGNED_INT, 0, 0);
-        this.gl.vertexAttribDivisor(0, 1);
-        this.order = new Order((order) => this.setOrder(order));
+        this.loss = new Loss(this.gl, () => this.drop(), () => {
+            this.tools = this.make();
+            options.onRestored?.();
+        });
+        if (!this.gl.isContextLost()) this.tools = this.make();
+    }
+
+    /** Whether there is no context: nothing is drawn, and splats that are given are dropped. */
+    get lost(): boolean {
+        return !this.tools || this.gl.isContextLost();
+    }
+
+    /** Gives the context up: browsers allow few on a page. The canvas is empty until `retake` has brought it back. */
+    release(): void {
+        this.loss.release();
+        if (this.gl.isContextLost()) this.drop();
+    }
+
+    /** Asks for the context again; `onRestored` tells when it is there. */
+    retake(): void {
+        this.loss.retake();
     }
 
     /** Begins a scene; the one before is dropped. */
     start(info: SceneInfo): void {
+        this.info = info;
+        if (!this.tools) return;
         this.buffers?.dispose();
         this.buffers = new SplatBuffers(this.gl, info, this.options.precision ?? 'half', this.options.maxSplats);
-        this.info = info;
         this.drawn = 0;
-        this.order.setPositions(0, new Float32Array(0));
+        this.tools.order.setPositions(0, new Float32Array(0));
     }
 
     /** Takes splats as they arrive. Those of before are drawn until the next order is there. */
     apply(update: SplatUpdate): void {
+        if (!this.tools) return;
         const kept = this.buffers!.apply(update);
-        this.order.setPositions(update.first, update.splats.positions.subarray(0, 3 * kept));
+        this.tools.order.setPositions(update.first, update.splats.positions.subarray(0, 3 * kept));
+    }
+
+    /** Centres of the splats that are there: x, y, z of each. */
+    get centres(): Float32Array {
+        return this.tools?.order.centres ?? new Float32Array(0);
     }
 
     /** Splats and texels on the GPU, bytes of its memory, milliseconds of the last sort. */
     get figures(): { splats: number; texels: number; bytes: number; sortMs: number } {
-        const { count = 0, numTexels = 0, bytes = 0 } = this.buffers ?? {};
-        return { splats: count, texels: numTexels, bytes, sortMs: this.order.lastMs };
+        const { tools, buffers } = this;
+        if (!tools || !buffers) return this.before;
+        return { splats: buffers.count, texels: buffers.numTexels, bytes: buffers.bytes, sortMs: tools.order.lastMs };
     }
 
     /** Asks for the splats' order in a view, and waits until it is there. */
     async sorted(view: View): Promise<void> {
-        this.order.request(view);
-        await this.order.settled();
+        this.tools?.order.request(view);
+        await this.tools?.order.settled();
     }
 
     /** Draws with the order that is there, and asks for the right one if that is of another direction. */
     draw(view: View, options: DrawOptions = {}): void {
-        const { gl, info, buffers } = this;
-        if (!info || !buffers || gl.isContextLost()) return;
-        this.order.request(view);
-        const target = this.targetOf(view);
+        const { gl, info, buffers, tools } = this;
+        if (!info || !buffers || !tools || gl.isContextLost()) return;
+        tools.order.request(view);
+        const target = this.targetOf(view, tools.format);
         gl.bindFramebuffer(gl.FRAMEBUFFER, target?.framebuffer ?? null);
         gl.viewport(0, 0, view.widthPx, view.heightPx);
         this.scissor(view, options.scissorPx);
         const background = options.background === undefined ? info.background : options.background;
         gl.clearColor(...(background ?? [0, 0, 0] as const), background ? 1 : 0);
         gl.clear(gl.COLOR_BUFFER_BIT);
-        this.drawSplats(view, info, buffers, options);
-        if (target) this.resolveOntoCanvas(target, info);
+        this.drawSplats(view, info, buffers, tools, options);
+        if (target) this.resolveOntoCanvas(target, info, tools.resolve);
     }
 
     /** The image last drawn, before it became one of 8 bits: premultiplied RGBA, rows from the top. */
@@ -113,28 +143,57 @@ export class SplatRenderer {
     }
 
     dispose(): void {
-        this.order.dispose();
+        this.loss.dispose();
         this.buffers?.dispose();
         this.target?.dispose();
-        this.program.dispose();
-        this.resolve.dispose();
-        this.gl.deleteBuffer(this.indices);
-        this.gl.deleteVertexArray(this.vertexArray);
+        if (this.tools) {
+            const { order, program, resolve, indices, vertexArray } = this.tools;
+            order.dispose();
+            program.dispose();
+            resolve.dispose();
+            this.gl.deleteBuffer(indices);
+            this.gl.deleteVertexArray(vertexArray);
+        }
     }
 
-    private setOrder(order: Uint32Array): void {
+    private make(): Tools {
+        const { gl, options } = this;
+        const best = bestTarget(gl); // also allows targets of floats that options ask for
+        const format = options.target === 'canvas' ? null : options.target ?? best;
+        if (format === 'rgba32f') gl.getExtension('EXT_float_blend');
+        const vertexArray = gl.createVertexArray()!, indices = gl.createBuffer()!;
+        gl.bindVertexArray(vertexArray);
+        gl.bindBuffer(gl.ARRAY_BUFFER, indices);
+        gl.enableVertexAttribArray(0);
+        gl.vertexAttribIPointer(0, 1, gl.UNSIGNED_INT, 0, 0);
+        gl.vertexAttribDivisor(0, 1);
+        const order: Order = new Order((made) => this.setOrder(made, indices));
+        return { order, program: splatProgram(gl, options.defines), resolve: resolveProgram(gl), vertexArray, indices, format };
+    }
+
+    /** Everything that was in the context has gone with it. */
+    private drop(): void {
+        if (!this.tools) return;
+        this.options.onLost?.();
+        this.before = { ...this.figures, bytes: 0 };
+        this.tools.order.dispose();
+        this.tools = this.buffers = this.target = null;
+        this.drawn = 0;
+    }
+
+    private setOrder(order: Uint32Array, indices: WebGLBuffer): void {
         const { gl } = this;
-        gl.bindBuffer(gl.ARRAY_BUFFER, this.indices);
+        gl.bindBuffer(gl.ARRAY_BUFFER, indices);
         gl.bufferData(gl.ARRAY_BUFFER, order, gl.DYNAMIC_DRAW);
         this.drawn = order.length;
         this.options.onOrder?.();
     }
 
-    private targetOf(view: View): Target | null {
-        if (!this.format) return null;
+    private targetOf(view: View, format: TargetFormat | null): Target | null {
+        if (!format) return null;
         if (this.target?.widthPx !== view.widthPx || this.target.heightPx !== view.heightPx) {
             this.target?.dispose();
-            this.target = new Target(this.gl, this.format, view.widthPx, view.heightPx);
+            this.target = new Target(this.gl, format, view.widthPx, view.heightPx);
         }
         return this.target;
     }
@@ -146,8 +205,8 @@ export class SplatRenderer {
         gl.scissor(part[0], view.heightPx - part[1] - part[3], part[2], part[3]);
     }
 
-    private drawSplats(view: View, info: SceneInfo, buffers: SplatBuffers, { colours = 'trained', depthRange }: DrawOptions): void {
-        const { gl, program } = this;
+    private drawSplats(view: View, info: SceneInfo, buffers: SplatBuffers, { program, vertexArray }: Tools, { colours = 'trained', depthRange }: DrawOptions): void {
+        const { gl } = this;
         const [nearest, farthest] = depthRange ?? [info.near, 1000 * info.near];
         gl.useProgram(program.program);
         const u = (name: string) => program.uniform(name);
@@ -175,13 +234,13 @@ export class SplatRenderer {
         gl.enable(gl.BLEND);
         const counts = Boolean(this.options.defines);
         gl.blendFunc(gl.ONE, counts ? gl.ONE : gl.ONE_MINUS_SRC_ALPHA);
-        gl.bindVertexArray(this.vertexArray);
+        gl.bindVertexArray(vertexArray);
         gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, this.drawn);
         gl.disable(gl.BLEND);
     }
 
-    private resolveOntoCanvas(target: Target, info: SceneInfo): void {
-        const { gl, resolve } = this;
+    private resolveOntoCanvas(target: Target, info: SceneInfo, resolve: Program): void {
+        const { gl } = this;
         gl.bindFramebuffer(gl.FRAMEBUFFER, null);
         gl.useProgram(resolve.program);
         gl.activeTexture(gl.TEXTURE0);

@@ -30,15 +30,23 @@ export class Sorter {
             const grown = new Float32Array(3 * capacity);
             grown.set(this.positions.subarray(0, 3 * first));
             this.positions = grown;
-            this.keys = new Uint32Array(capacity);
-            this.passed = new Uint32Array(capacity);
         }
         this.positions.set(xyz, 3 * first);
         this.count = count;
     }
 
+    /** Centres of the splats that are there: x, y, z of each. */
+    get centres(): Float32Array {
+        return this.positions.subarray(0, 3 * this.count);
+    }
+
     /** Fills `order` with the indices of all splats, far to near, where depths are equal the largest first. Returns their number. */
     sort(view: SortView, order: Uint32Array): number {
+        if (this.keys.length < this.count) {
+            // Only now: who sorts elsewhere keeps centres alone here.
+            this.keys = new Uint32Array(this.positions.length / 3);
+            this.passed = new Uint32Array(this.positions.length / 3);
+        }
         const { positions, keys, passed, counts, count } = this;
         const [x, y, z] = view.axis;
         const depth = new Float32Array(1), bits = new Uint32Array(depth.buffer);

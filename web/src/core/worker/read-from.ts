@@ -1,32 +1,39 @@
 import { readScene } from '../read';
 import { SceneError, type Splats } from '../scene';
-import type { FromWorker, Source } from './messages';
+import { fetchFile, streamOf } from './fetch-file';
+import type { FromWorker, KeptFile, StoredSource } from './messages';
 
 /** Reads a file and posts what has arrived. */
 export async function readFrom(
-    source: Source, maxSplats: number, post: (message: FromWorker, transfer?: Transferable[]) => void,
+    source: StoredSource, maxSplats: number, post: (message: FromWorker, transfer?: Transferable[]) => void,
 ): Promise<void> {
     try {
-        const { input, fileBytes } = await open(source);
+        const { input, fileBytes, kept } = await open(source);
         await readScene(input, {
             maxSplats,
             ...(fileBytes === undefined ? {} : { fileBytes }),
             onInfo: (info) => post({ kind: 'info', info }),
             onUpdate: (update) => post({ kind: 'update', update: { ...update, splats: owned(update.splats) } }),
         });
-        post({ kind: 'done' });
+        post({ kind: 'done', kept: kept() });
     } catch (error) {
         const message = error instanceof Error ? error.message : String(error);
         post({ kind: 'failed', message, errorKind: error instanceof SceneError ? error.kind : null });
     }
 }
 
-async function open(source: Source): Promise<{ input: Uint8Array | ReadableStream<Uint8Array>; fileBytes?: number }> {
-    if ('bytes' in source) return { input: new Uint8Array(source.bytes), fileBytes: source.bytes.byteLength };
-    const response = await fetch(source.url);
-    if (!response.ok || !response.body) throw new Error(`${source.url}: the server answers ${response.status} ${response.statusText}`);
+/** `kept`: what has been read, which is the whole file unless fewer splats are wanted. */
+async function open(source: StoredSource): Promise<{ input: Uint8Array | ReadableStream<Uint8Array>; fileBytes: number | undefined; kept: () => KeptFile }> {
+    if ('file' in source) {
+        const { file, fileBytes = file.size } = source;
+        return { input: new Uint8Array(await file.arrayBuffer()), fileBytes, kept: () => source };
+    }
+    const response = await fetchFile(source.url);
     const length = response.headers.get('content-encoding') ? null : response.headers.get('content-length');
-    return { input: response.body, ...(length === null ? {} : { fileBytes: Number(length) }) };
+    const fileBytes = length === null ? undefined : Number(length);
+    const pieces: Uint8Array<ArrayBuffer>[] = [];
+    const input = streamOf(response, source.url, (piece) => pieces.push(piece));
+    return { input, fileBytes, kept: () => ({ file: new Blob(pieces), ...(fileBytes === undefined ? {} : { fileBytes }) }) };
 }
 
 /** Copies arrays that are parts of larger ones, which would be posted whole. */

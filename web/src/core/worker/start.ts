@@ -1,5 +1,5 @@
 import SplatWorker from './worker?worker&inline';
-import type { FromWorker, Source } from './messages';
+import type { FromWorker, StoredSource } from './messages';
 
 const REFUSED = "this page lets no worker start: its Content-Security-Policy must allow worker-src blob:";
 
@@ -17,9 +17,7 @@ export function startWorker(receive: (message: FromWorker) => void): Worker | nu
     }
 }
 
-/** Asks a worker to read a file. Bytes are handed over: the caller's array is empty then. */
-export function startReading(worker: Worker | null, source: Source, maxSplats: number): void {
-    // The worker has an address of its own, to which relative ones would be relative.
-    const absolute = 'url' in source ? { url: new URL(source.url, document.baseURI).href } : source;
-    worker?.postMessage({ kind: 'read', source: absolute, maxSplats }, 'bytes' in source ? [source.bytes] : []);
+/** Asks a worker to read a file. */
+export function startReading(worker: Worker | null, source: StoredSource, maxSplats: number): void {
+    worker?.postMessage({ kind: 'read', source, maxSplats });
 }

@@ -1,0 +1,167 @@
+//! Up of captures whose cameras stand as people and machines hold them. In the frame that they are made in, up is -y.
+
+use super::up::{Up, UpSource, direction_text, find};
+use glam::{DMat3, DVec3, EulerRot};
+
+/// Cameras by heading, pitch below the horizon and roll, degrees.
+type Held = (f64, f64, f64);
+
+/// The rotation of `camera_from_capture` in a capture that is turned.
+fn rotation((heading, pitch, roll): Held, turn: DMat3) -> DMat3 {
+    let [(sin_h, cos_h), (sin_p, cos_p), (sin_r, cos_r)] =
+        [heading, pitch, roll].map(|angle: f64| angle.to_radians().sin_cos());
+    let forward = DVec3::new(cos_p * sin_h, sin_p, cos_p * cos_h);
+    let level = DVec3::new(cos_h, 0.0, -sin_h);
+    let below = forward.cross(level);
+    let (right, down) = (level * cos_r + below * sin_r, below * cos_r - level * sin_r);
+    DMat3::from_cols(turn * right, turn * down, turn * forward).transpose()
+}
+
+/// Numbers from -1 to 1 that look random.
+fn noise(i: usize) -> f64 {
+    (i as f64 * 0.754_877_666 + 0.1).fract() * 2.0 - 1.0
+}
+
+/// `count` cameras over an arc of headings.
+fn arc(count: usize, degrees: f64, held: impl Fn(usize) -> (f64, f64)) -> Vec<Held> {
+    let heading = |i: usize| degrees * (i as f64 / count as f64 - 0.5);
+    (0..count).map(|i| (heading(i), held(i).0, held(i).1)).collect()
+}
+
+fn found(cameras: &[Held], turn: DMat3, stated: Option<DVec3>) -> Up {
+    find(cameras.iter().map(|held| rotation(*held, turn)), stated)
+}
+
+/// Degrees between what is found in a turned capture and what is up there.
+fn off(cameras: &[Held], turn: DMat3) -> (f64, Up) {
+    let up = found(cameras, turn, None);
+    ((turn * DVec3::NEG_Y).dot(up.in_capture).clamp(-1.0, 1.0).acos().to_degrees(), up)
+}
+
+/// As captured, z up, tilted by 51 degrees, anyhow.
+fn turns() -> [DMat3; 4] {
+    [
+        DMat3::IDENTITY,
+        DMat3::from_rotation_x(90_f64.to_radians()),
+        DMat3::from_rotation_x(51_f64.to_radians()),
+        DMat3::from_euler(EulerRot::XYZ, 2.0, -0.7, 1.1),
+    ]
+}
+
+#[test]
+fn cameras_held_level_tell_what_is_up_whichever_way_they_look() {
+    // All around and over an arc, looking ahead and down, by hand and by machine.
+    for (turn, roll) in turns().into_iter().zip([0.0, 3.0, 0.0, 3.0]) {
+        for (count, degrees) in [(12, 360.0), (40, 120.0), (9, 60.0)] {
+            for pitch in [0.0, 30.0, 60.0] {
+                let cameras = arc(count, degrees, |i| (pitch + 5.0 * noise(i + 7), roll * noise(i)));
+                let (off, up) = off(&cameras, turn);
+                // Needed 8.6e-7 without roll, 1.1 with: 9 cameras over 60 degrees.
+                assert!(off < if roll > 0.0 { 1.5 } else { 1e-4 }, "{degrees} {pitch}: {off} {up:?}");
+                assert_eq!((up.source, up.level_photos), (UpSource::LevelPhotos, count), "{up:?}");
+            }
+        }
+    }
+    // Negative control: the mean of the upward directions over an arc is tilted.
+    let cameras = arc(40, 120.0, |_| (30.0, 0.0));
+    let mean: DVec3 = cameras.iter().map(|held| -rotation(*held, DMat3::IDENTITY).row(1)).sum();
+    assert!(mean.normalize().dot(DVec3::NEG_Y) < 24_f64.to_radians().cos());
+}
+
+#[test]
+fn rolled_photos_and_photos_in_portrait_do_not_mislead() {
+    let rolled = |i: usize| if i % 10 < 3 { 20.0 + 40.0 * noise(i).abs() } else { 2.0 * noise(i) };
+    let some_portrait = |i: usize| if i % 5 < 2 { 90.0 + 2.0 * noise(i) } else { 2.0 * noise(i) };
+    let portrait = |i: usize| 90.0 + 2.0 * noise(i);
+    let upside_down = |i: usize| if i % 4 == 0 { 180.0 } else { 0.0 };
+    for turn in turns() {
+        for degrees in [360.0, 120.0] {
+            for pitch in [0.0, 15.0, 30.0, 45.0] {
+                for (roll, least) in [
+                    (&rolled as &dyn Fn(usize) -> f64, 27),
+                    (&some_portrait, 40),
+                    (&upside_down, 40),
+                    (&portrait, 40),
+                ] {
+                    let only_portrait = least == 40 && roll(0) > 45.0 && roll(2) > 45.0;
+                    // Photos in portrait over less than half a circle that look ahead are as those of a camera that tilts.
+                    if only_portrait && degrees < 180.0 && pitch < 30.0 {
+                        continue;
+                    }
+                    let cameras = arc(40, degrees, |i| (pitch, roll(i)));
+                    let (off, up) = off(&cameras, turn);
+                    assert!(off < 0.5, "{degrees} {pitch} {}: {off} {up:?}", roll(0)); // needed 0.36
+                    assert!(up.source == UpSource::LevelPhotos && up.level_photos >= least, "{up:?}");
+                }
+            }
+        }
+    }
+    // The other quarter turn, as DSLR cameras are held: looking down tells.
+    let (off, _) = off(&arc(40, 360.0, |_| (20.0, -90.0)), turns()[2]);
+    assert!(off < 0.1, "{off}");
+    // Negative control: held anyhow, cameras tell nothing.
+    let anyhow: Vec<Held> =
+        (0..60).map(|i| (180.0 * noise(i), 90.0 * noise(3 * i + 1), 180.0 * noise(7 * i + 2))).collect();
+    let up = found(&anyhow, DMat3::IDENTITY, None);
+    assert_ne!(up.source, UpSource::LevelPhotos, "{up:?}");
+}
+
+#[test]
+fn cameras_that_all_face_alike_leave_it_to_the_format_or_their_mean() {
+    // As the capture flower: they look ahead, a little to the sides, and up and down.
+    let cameras: Vec<Held> =
+        (0..30).map(|i| (12.0 * noise(i), 9.0 * noise(i + 40), 2.0 * noise(i + 80))).collect();
+    for turn in turns() {
+        let (off, up) = off(&cameras, turn);
+        assert!(off < 0.5 && up.source == UpSource::MeanOfPhotos, "{off} {up:?}"); // needed 0.39
+        let up = found(&cameras, turn, Some(DVec3::Z));
+        assert!(up.source == UpSource::PoseFormat && up.in_capture == DVec3::Z, "{up:?}");
+        // Only where z lies along the photos' right axes, it cannot be.
+        let is_aside = (turn * DVec3::X).dot(DVec3::Z).abs() > 0.35;
+        assert_eq!(up.disagreement().is_some(), is_aside, "{up:?}");
+    }
+    // A camera that tilts by a third of a circle.
+    let tilting: Vec<Held> = (0..20).map(|i| (0.0, 6.0 * f64::from(i) - 20.0, 0.0)).collect();
+    let up = found(&tilting, DMat3::IDENTITY, None);
+    assert!(up.source == UpSource::MeanOfPhotos && up.in_capture.x.abs() < 1e-9, "{up:?}");
+    // One camera: its own up, snapped; and none.
+    let (off, up) = off(&[(20.0, 4.0, 0.0)], turns()[1]);
+    assert!(off < 1e-9 && up.source == UpSource::MeanOfPhotos && up.in_capture == DVec3::NEG_Z, "{up:?}");
+    let up = find([], None);
+    assert!(up.source == UpSource::Assumed && up.in_capture == DVec3::NEG_Y, "{up:?}");
+    assert_eq!(find([], Some(DVec3::Z)).in_capture, DVec3::Z);
+}
+
+#[test]
+fn cameras_that_look_straight_down_see_the_ground() {
+    // Of a drone that turns as it goes.
+    let cameras: Vec<Held> = (0..24).map(|i| (45.0 * f64::from(i), 89.0, 0.0)).collect();
+    for turn in turns() {
+        let (off, up) = off(&cameras, turn);
+        assert!(off < 0.1 && up.source == UpSource::LevelPhotos, "{off} {up:?}");
+    }
+}
+
+#[test]
+fn up_is_an_axis_of_the_format_where_it_is_near_one() {
+    let cameras = arc(24, 360.0, |_| (20.0, 0.0));
+    let tilted = |degrees: f64| found(&cameras, DMat3::from_rotation_z(degrees.to_radians()), None);
+    assert_eq!(tilted(4.9).in_capture, DVec3::NEG_Y);
+    assert_ne!(tilted(5.1).in_capture, DVec3::NEG_Y);
+    assert!(tilted(4.9).words().starts_with("-y: 24 of 24 photos"), "{}", tilted(4.9).words());
+    assert_eq!(direction_text([0.0, 0.0, 2.0]), "z");
+    assert_eq!(direction_text([0.6, -0.8, 0.0]), "0.6000,-0.8000,0.0000");
+}
+
+#[test]
+fn a_format_that_says_otherwise_is_warned_of() {
+    let cameras = arc(24, 360.0, |_| (20.0, 0.0));
+    let tilted = |degrees: f64| {
+        let turn = DMat3::from_rotation_x((90.0 + degrees).to_radians());
+        found(&cameras, turn, Some(DVec3::NEG_Z))
+    };
+    assert_eq!(tilted(0.0).in_capture, DVec3::NEG_Z);
+    assert_eq!((tilted(0.0).disagreement(), tilted(19.0).disagreement()), (None, None));
+    let said = tilted(34.0).disagreement().unwrap();
+    assert!(said.contains("34 degrees apart") && said.contains("24 of 24"), "{said}");
+}

@@ -1,0 +1,197 @@
+//! How much of a photo its pinhole image keeps. A pinhole images less than half of all directions, and far from its axis
+//! it spreads them over many pixels: of wide lenses it keeps the middle only.
+
+use super::decode::Recipe;
+use super::frame::median;
+use super::lens::Lens;
+use super::options::UndistortFocal;
+use super::source::{SourceView, first_names};
+use super::warp::{Warp, with_focal_scale};
+use crate::Report;
+use crate::camera::Pinhole;
+use glam::DVec2;
+use serde::Serialize;
+
+/// Below this share of kept pixels we warn.
+const KEPT_SHARE_MIN: f64 = 0.7;
+
+/// Pixels kept by the focal length that `auto` chooses, as a share, unless the scale below is reached before.
+const KEPT_SHARE_AIM: f64 = 0.95;
+
+/// Shortest focal length that `auto` chooses, over that of the lens: it costs half of the resolution in the middle.
+const FOCAL_SCALE_MIN: f64 = 0.5;
+
+/// Steps of the search, from 1 to the shortest.
+const FOCAL_STEPS: u32 = 32;
+
+/// Cells of the pinhole image, along each side, whose areas in the photo are summed (a fisheye of 120 degrees: 64 cells
+/// give the share to 0.003, these to 0.001).
+const CELLS: u32 = 128;
+
+/// What undistortion does to the photos of a capture.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Undistortion {
+    /// Views whose photo is undistorted.
+    pub views: usize,
+    /// Smallest share of a photo's pixels that its pinhole image keeps.
+    pub kept_share_min: f64,
+    /// Median share.
+    pub kept_share_median: f64,
+    /// Share of every view, in their order; 1 without distortion.
+    pub kept_shares: Vec<f64>,
+    /// Shortest focal length of a pinhole image over that of its lens.
+    pub focal_scale_min: f64,
+}
+
+/// Share of a photo's pixels that its pinhole image shows, if its focal length is `focal_scale` times the lens's.
+fn kept_share(lens: &Lens, focal_scale: f64) -> f64 {
+    let c = lens.pinhole;
+    let warp = Warp::new(*lens, focal_scale);
+    let (width, height) = (f64::from(c.width_px), f64::from(c.height_px));
+    let share = |i: u32| f64::from(i) / f64::from(CELLS);
+    let at = |i: f64, j: f64| warp.distorted_px(DVec2::new(width * i, height * j));
+    let row = |j: u32| -> Vec<Option<DVec2>> { (0..=CELLS).map(|i| at(share(i), share(j))).collect() };
+    let is_inside = |p: DVec2| p.x >= 0.0 && p.y >= 0.0 && p.x <= width && p.y <= height;
+    let mut area = 0.0;
+    let mut above = row(0);
+    for j in 1..=CELLS {
+        let below = row(j);
+        for i in 1..=CELLS as usize {
+            let corners = [above[i - 1], above[i], below[i], below[i - 1]];
+            let [Some(a), Some(b), Some(c), Some(d)] = corners else { continue };
+            if is_inside(0.25 * (a + b + c + d)) {
+                area += 0.5 * (c - a).perp_dot(d - b);
+            }
+        }
+        above = below;
+    }
+    (area / (width * height)).clamp(0.0, 1.0)
+}
+
+/// The focal length of a photo's pinhole image over that of its lens.
+pub(crate) fn focal_scale(lens: &Lens, wanted: UndistortFocal) -> f64 {
+    if wanted == UndistortFocal::Lens || !lens.is_distorted() {
+        return 1.0;
+    }
+    let scale = |step: u32| 1.0 - (1.0 - FOCAL_SCALE_MIN) * f64::from(step) / f64::from(FOCAL_STEPS);
+    let mut scales = (0..=FOCAL_STEPS).map(scale);
+    scales.find(|&scale| kept_share(lens, scale) >= KEPT_SHARE_AIM).unwrap_or(FOCAL_SCALE_MIN)
+}
+
+/// Measures what the pinhole images keep and warns of wide lenses; `None` without distortion.
+pub(crate) fn check(views: &[SourceView], recipes: &[Recipe], report: &mut Report) -> Option<Undistortion> {
+    // Views share few lenses.
+    let mut known: Vec<(Lens, f64, f64)> = Vec::new();
+    let mut share_of = |recipe: &Recipe| {
+        if !recipe.lens.is_distorted() {
+            return 1.0;
+        }
+        let found =
+            known.iter().find(|(lens, scale, _)| *lens == recipe.lens && *scale == recipe.focal_scale);
+        if let Some((.., share)) = found {
+            return *share;
+        }
+        let share = kept_share(&recipe.lens, recipe.focal_scale);
+        known.push((recipe.lens, recipe.focal_scale, share));
+        share
+    };
+    let kept_shares: Vec<f64> = recipes.iter().map(&mut share_of).collect();
+    let distorted: Vec<usize> = (0..recipes.len()).filter(|&v| recipes[v].lens.is_distorted()).collect();
+    let kept_share_min = distorted.iter().map(|&v| kept_shares[v]).reduce(f64::min)?;
+    let low: Vec<usize> = distorted.iter().copied().filter(|&v| kept_shares[v] < KEPT_SHARE_MIN).collect();
+    if let Some(&worst) = low.iter().min_by(|a, b| kept_shares[**a].total_cmp(&kept_shares[**b])) {
+        let is_auto = recipes[worst].focal_scale < 1.0;
+        let remedy = match is_auto {
+            true => "no focal length keeps much more",
+            false => {
+                "a shorter focal length may keep more: --set capture.undistort-focal=auto (inspect: --undistort-focal auto)"
+            }
+        };
+        let what = format!(
+            "the lenses of {} of {} views are so wide that the pinhole images trained on keep less than {:.0} % of the              photos' pixels ({:.0} % of {}): {}; {remedy}",
+            low.len(),
+            views.len(),
+            100.0 * KEPT_SHARE_MIN,
+            100.0 * kept_shares[worst],
+            crate::text::quoted(&views[worst].name),
+            first_names(low.iter().map(|&v| views[v].name.as_str()))
+        );
+        report.warn("undistortion-loses-pixels", low.len(), what);
+    }
+    Some(Undistortion {
+        views: distorted.len(),
+        kept_share_min,
+        kept_share_median: median(distorted.iter().map(|&v| kept_shares[v]).collect()).unwrap_or(1.0),
+        focal_scale_min: recipes.iter().map(|r| r.focal_scale).fold(1.0, f64::min),
+        kept_shares,
+    })
+}
+
+/// The pinhole of a view, at the size that the pose file states.
+pub(crate) fn pinhole(recipe: &Recipe) -> Pinhole {
+    with_focal_scale(&recipe.lens.pinhole, recipe.focal_scale)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::capture::lens::{Distortion, Tilt};
+
+    fn lens(focal_px: f64, distortion: Distortion) -> Lens {
+        let pinhole = Pinhole {
+            width_px: 160,
+            height_px: 120,
+            fx_px: focal_px,
+            fy_px: focal_px,
+            cx_px: 80.0,
+            cy_px: 60.0,
+        };
+        Lens { pinhole, distortion }
+    }
+
+    fn fisheye(focal_px: f64) -> Lens {
+        lens(focal_px, Distortion::Fisheye { k: [0.0; 6], tilt: Tilt::None })
+    }
+
+    /// The share by asking each pixel of the photo, of a fisheye without further terms, whether the pinhole sees it.
+    fn counted(lens: &Lens, focal_scale: f64) -> f64 {
+        let c = lens.pinhole;
+        let (mut kept, finer) = (0, 4);
+        for y in 0..finer * c.height_px {
+            for x in 0..finer * c.width_px {
+                let at = (DVec2::new(f64::from(x), f64::from(y)) + 0.5) / f64::from(finer);
+                let distorted = (at - DVec2::new(c.cx_px, c.cy_px)) / c.fx_px;
+                let theta = distorted.length();
+                if theta < std::f64::consts::FRAC_PI_2 {
+                    let p = distorted * (theta.tan() / theta) * c.fx_px * focal_scale;
+                    kept += u32::from(p.x.abs() <= c.cx_px && p.y.abs() <= c.cy_px);
+                }
+            }
+        }
+        f64::from(kept) / f64::from(finer * finer * c.width_px * c.height_px)
+    }
+
+    #[test]
+    fn kept_shares_are_those_counted_pixel_by_pixel() {
+        for (focal_px, scale) in [(48.0, 1.0), (48.0, 0.5), (90.0, 1.0), (90.0, 0.7), (400.0, 1.0)] {
+            let (found, expected) =
+                (kept_share(&fisheye(focal_px), scale), counted(&fisheye(focal_px), scale));
+            assert!((found - expected).abs() < 0.006, "{focal_px} {scale}: {found} {expected}");
+        }
+        assert!((kept_share(&lens(100.0, Distortion::None), 1.0) - 1.0).abs() < 1e-9);
+        assert!((kept_share(&lens(100.0, Distortion::None), 2.0) - 0.25).abs() < 1e-9, "negative control");
+    }
+
+    #[test]
+    fn auto_shortens_the_focal_length_as_much_as_it_must_and_no_more() {
+        assert_eq!(focal_scale(&fisheye(48.0), UndistortFocal::Lens), 1.0);
+        assert_eq!(focal_scale(&fisheye(48.0), UndistortFocal::Auto), FOCAL_SCALE_MIN);
+        let moderate = fisheye(110.0);
+        let scale = focal_scale(&moderate, UndistortFocal::Auto);
+        assert!(kept_share(&moderate, 1.0) < 0.9 && scale > FOCAL_SCALE_MIN && scale < 1.0, "{scale}");
+        let share = kept_share(&moderate, scale);
+        assert!((KEPT_SHARE_AIM..KEPT_SHARE_AIM + 0.03).contains(&share), "{share}");
+        let narrow = lens(300.0, Distortion::Radial { k: [-0.05, 0.0, 0.0, 0.0, 0.0, 0.0], p: [0.0; 2] });
+        assert_eq!(focal_scale(&narrow, UndistortFocal::Auto), 1.0);
+    }
+}
