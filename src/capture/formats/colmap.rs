@@ -47,6 +47,8 @@ const PLACES: [&str; 8] = [
 pub(crate) fn find_elsewhere(path: &Path, report: &mut Report) -> Option<Found> {
     let (place, model) =
         PLACES.into_iter().find_map(|place| Some((place, find_model(&path.join(place), report)?)))?;
+    // Without the slash at the end that joining nothing leaves.
+    let model: PathBuf = model.components().collect();
     let what = format!("the poses are those of {}", model.display());
     report.warn("poses-elsewhere", 1, what);
     // Undistorted photos lie beside their model; else the capture's own folder has them.
