@@ -4,7 +4,7 @@ use super::origin::{Origin, parse_origin};
 use litetex_exporters::ply::PlyUp;
 use litetex_exporters::spz::{SpzOptions, SpzVersion};
 use litetex_exporters::{Cameras, Format, Quality};
-use litetex_gs::console::values::{parse_bytes, parse_decibels, whole};
+use litetex_gs::console::values::{numbers, parse_bytes, parse_decibels, whole};
 use litetex_gs::verify::RateGoal;
 
 /// What is written of a scene, and how.
@@ -159,13 +159,6 @@ impl AssetArgs {
             passes: 2 * (u32::from(self.effort.unwrap_or(1)) - 1),
         }
     }
-}
-
-/// Three finite numbers, separated by commas.
-pub fn numbers(text: &str) -> Option<[f64; 3]> {
-    let values: Option<Vec<f64>> =
-        text.split(',').map(|v| v.trim().parse().ok().filter(|v: &f64| v.is_finite())).collect();
-    values?.try_into().ok()
 }
 
 fn parse_box(text: &str) -> Result<CropBox, String> {

@@ -1,7 +1,7 @@
 //! Which point of a capture lies at the origin of the files made of it: for captures whose coordinates f32 cannot hold.
 
-use super::asset_args::numbers;
 use litetex_exporters::SplatAsset;
+use litetex_gs::console::values::numbers;
 
 /// The argument of `--origin`.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -153,6 +153,13 @@ pub fn parse_image_size(text: &str) -> Result<ImageSize, String> {
     size.ok_or_else(|| "expected WIDTHxHEIGHT or the longer side, 1 to 32768".to_owned())
 }
 
+/// Reads three finite numbers: "1,-2,0.5".
+pub fn numbers(text: &str) -> Option<[f64; 3]> {
+    let values: Option<Vec<f64>> =
+        text.split(',').map(|v| v.trim().parse().ok().filter(|v: &f64| v.is_finite())).collect();
+    values?.try_into().ok()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

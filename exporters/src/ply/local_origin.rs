@@ -1,7 +1,7 @@
 //! Georeferenced files of other programs may hold coordinates that an asset, whose numbers are f32, does not.
 
+use super::columns::Columns;
 use super::header::Encoding;
-use super::read::Columns;
 use super::rows::Rows;
 use super::scalar::Scalar;
 use crate::Result;

@@ -18,6 +18,7 @@
 
 use crate::Transform;
 
+mod columns;
 mod escape;
 mod header;
 mod local_origin;

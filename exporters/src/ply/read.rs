@@ -1,8 +1,8 @@
 //! Reads PLY files of splats by any program: properties in any order, unknown ones ignored, normals and higher SH optional,
 //! two or three scales.
 
+use super::columns::Columns;
 use super::escape::unescaped;
-use super::header::Element;
 use super::local_origin::local_origin;
 use super::rows::Rows;
 use super::{COMMENT_OURS, PlyUp};
@@ -10,7 +10,7 @@ use crate::fallback::broken::BrokenSplats;
 use crate::fallback::ellipsoid::{is_thick, thinnest_last};
 use crate::files::limits::{room_for_splats, splat_bytes};
 use crate::files::read::read_file;
-use crate::{AssetMap, ReadLimits, Result, Section, SplatAsset, Transform, num_sh_coefficients};
+use crate::{AssetMap, ReadLimits, Result, Section, SplatAsset, Transform};
 use std::path::Path;
 
 /// The contents of a PLY file.
@@ -37,45 +37,6 @@ pub struct PlyContents {
 /// As [`decode_ply`], and [`crate::Error::Io`].
 pub fn read_ply(path: &Path, limits: &ReadLimits) -> Result<PlyContents> {
     decode_ply(&read_file(path, limits.decoded_bytes)?, path, limits)
-}
-
-/// The columns of each quantity in a row.
-pub(super) struct Columns {
-    pub(super) position: [usize; 3],
-    pub(super) dc: [usize; 3],
-    pub(super) rest: Vec<usize>,
-    pub(super) sh_degree: u32,
-    pub(super) opacity: usize,
-    pub(super) scales: Vec<usize>,
-    pub(super) rotation: [usize; 4],
-}
-
-impl Columns {
-    pub(super) fn find(vertex: &Element, path: &Path) -> Result<Self> {
-        let index = |name: &str| vertex.properties.iter().position(|p| p.name == name);
-        let required = |name: &str| {
-            index(name).ok_or_else(|| {
-                invalid!(path, "element \"vertex\" has no property {name:?}: not a file of splats")
-            })
-        };
-        let numbered = |name: &str| (0..).map_while(|i| index(&format!("{name}_{i}"))).collect::<Vec<_>>();
-        let rest = numbered("f_rest");
-        let sh_degree =
-            (0..=3).find(|&d| 3 * (num_sh_coefficients(d) - 1) == rest.len()).ok_or_else(|| {
-                unsupported!(path, "{} properties f_rest_*; supported: 0, 9, 24, 45", rest.len())
-            })?;
-        let mut scales = vec![required("scale_0")?, required("scale_1")?];
-        scales.extend(index("scale_2"));
-        Ok(Self {
-            position: [required("x")?, required("y")?, required("z")?],
-            dc: [required("f_dc_0")?, required("f_dc_1")?, required("f_dc_2")?],
-            rest,
-            sh_degree,
-            opacity: required("opacity")?,
-            scales,
-            rotation: [required("rot_0")?, required("rot_1")?, required("rot_2")?, required("rot_3")?],
-        })
-    }
 }
 
 /// Decodes the bytes of a file; `path` is only for messages. Broken splats of other programs are left out.

@@ -1,7 +1,7 @@
 //! Checks PLY files for problems. The rules are those of `plain.rs`.
 
 use super::COMMENT_2DGS;
-use super::read::Columns;
+use super::columns::Columns;
 use super::rows::Rows;
 use crate::fallback::ellipsoid::{is_thick, thinnest_last};
 use crate::fallback::plain::{Check, Raw, unreadable};
