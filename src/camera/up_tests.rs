@@ -73,7 +73,7 @@ fn rolled_photos_and_photos_in_portrait_do_not_mislead() {
     let rolled = |i: usize| if i % 10 < 3 { 20.0 + 40.0 * noise(i).abs() } else { 2.0 * noise(i) };
     let some_portrait = |i: usize| if i % 5 < 2 { 90.0 + 2.0 * noise(i) } else { 2.0 * noise(i) };
     let portrait = |i: usize| 90.0 + 2.0 * noise(i);
-    let upside_down = |i: usize| if i % 4 == 0 { 180.0 } else { 0.0 };
+    let upside_down = |i: usize| if i.is_multiple_of(4) { 180.0 } else { 0.0 };
     for turn in turns() {
         for degrees in [360.0, 120.0] {
             for pitch in [0.0, 15.0, 30.0, 45.0] {

@@ -60,7 +60,8 @@ fn one_broken_pose_of_a_model_leaves_its_view_out() {
         scene.cameras.push(camera);
         scene.images[3].camera_id = 9;
     };
-    let changes: [(&dyn Fn(&mut Scene), &str); 4] =
+    type Change<'a> = (&'a dyn Fn(&mut Scene), &'a str);
+    let changes: [Change<'_>; 4] =
         [(&zero, "quaternion"), (&nan, "translation"), (&lost, "camera 9"), (&broken_camera, "focal length")];
     for (change, what) in changes {
         let mut scene = Scene::ring(12);

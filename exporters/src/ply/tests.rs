@@ -500,11 +500,10 @@ fn coordinates_of_f64_far_from_the_origin_keep_their_digits() {
     }
     // Near the origin, and in f32, the local frame is the file's.
     let near: Vec<u8> = rows(5.0)
-        .map(|mut row| {
+        .flat_map(|mut row| {
             row[1] = 4.5;
             row
         })
-        .flatten()
         .flat_map(f64::to_le_bytes)
         .collect();
     assert!(file("double", "binary_little_endian", &near).capture_from_local.is_identity());
