@@ -288,7 +288,9 @@ fn the_sample_comes_back_from_every_form_to_the_digits_that_it_holds() {
         write(wrong.path(), &photos, true);
         let capture = load(right.path()).unwrap_or_else(|e| panic!("{name}: {e}"));
         assert_eq!((capture.format.name(), capture.views.len()), (*name, photos.len()));
-        let codes: Vec<&str> = capture.report.warnings.iter().map(|w| w.code.as_str()).collect();
+        let codes = capture.report.warnings.iter().map(|w| w.code.as_str());
+        // Up is -y in the sample, whatever the format says.
+        let codes: Vec<&str> = codes.filter(|code| *code != "up-not-as-stated").collect();
         assert_eq!(codes, ["few-training-views"], "{name}");
         let photos = by_name(&photos, &capture);
         // All digits of f64 are written.
@@ -354,7 +356,7 @@ fn cameras_of_which_one_is_broken_leave_that_one_out_by_name() {
         assert_eq!(capture.views.len(), photos.len() - 1, "{name}");
         let warning = &capture.report.warnings[0];
         assert!(
-            warning.message.contains("1 of 12 views make no sense and are left out"),
+            warning.message.contains("1 of 12 views is broken and left out"),
             "{name}: {}",
             warning.message
         );

@@ -112,9 +112,10 @@ impl Up {
             }
             UpSource::PoseFormat => "the pose format says so, and the photos leave it open".to_owned(),
             UpSource::MeanOfPhotos => {
-                "the mean of the photos' upward directions, for they all face alike".to_owned()
+                "the mean of the photos' upward directions, for what is level in them leaves it open"
+                    .to_owned()
             }
-            UpSource::Assumed => "nothing tells, so it is taken as in COLMAP's images".to_owned(),
+            UpSource::Assumed => "the photos do not tell, so it is taken as in COLMAP's images".to_owned(),
         };
         format!("{}: {why}", direction_text(self.in_capture.to_array()))
     }

@@ -16,7 +16,7 @@ const ONE_IN: usize = 4;
 /// The spread of places that differ by rounding only, in units of their distance from the origin.
 const ROUNDING: f64 = 1e-9;
 
-/// Leaves out far cameras and points, each judged among its like.
+/// Leaves out far cameras and points, each compared with its like.
 pub(crate) fn leave_out(source: &mut Source, report: &mut Report) {
     let centres: Vec<DVec3> = source.views.iter().map(|v| v.camera_from_capture.origin_of_a_in_b()).collect();
     if let Some(limit) = Limit::of(&centres) {
@@ -28,9 +28,9 @@ pub(crate) fn leave_out(source: &mut Source, report: &mut Report) {
         let far: Vec<_> = far;
         let names = first_names(far.iter().map(|v| v.name.as_str()));
         let what = format!(
-            "{} of {total} cameras are more than {FAR} median distances from the median and are left out: {names}; \
-             --set capture.keep-far=true keeps them",
-            far.len()
+            "of {total} cameras {} more than {FAR} median distances from the median and left out: {names}; \
+             --set capture.keep-far=true (inspect: --keep-far) keeps them",
+            are(far.len())
         );
         report.warn("far-cameras", far.len(), what);
     }
@@ -40,11 +40,16 @@ pub(crate) fn leave_out(source: &mut Source, report: &mut Report) {
         source.retain_points(|point| limit.keeps(point.position_in_capture));
         let count = total - source.points.len();
         let what = format!(
-            "{count} of {total} points are more than {FAR} median distances from the median and are left out; \
-             --set capture.keep-far=true keeps them"
+            "of {total} points {} more than {FAR} median distances from the median and left out; \
+             --set capture.keep-far=true (inspect: --keep-far) keeps them",
+            are(count)
         );
         report.warn("far-points", count, what);
     }
+}
+
+fn are(count: usize) -> String {
+    format!("{count} {}", if count == 1 { "is" } else { "are" })
 }
 
 /// A ball around the median.

@@ -218,6 +218,8 @@ impl PhotoFolder {
 
     /// The photo of a name without extension: in the same case if there is one, and of the extension that comes first.
     fn with_stem(&self, stem: &str) -> Option<PathBuf> {
+        // Of "." and "..", which a file's name may end in, the path would name another folder.
+        Path::new(stem).file_name()?;
         let wanted = self.path.join(stem);
         let wanted_name = wanted.file_name()?.to_string_lossy().into_owned();
         let folder = wanted.parent()?;

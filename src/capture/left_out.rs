@@ -50,15 +50,16 @@ impl LeftOut {
         if count * ONE_IN > total {
             return Err(invalid!(
                 path,
-                "{count} of {total} {noun} make no sense, and no more than one in {ONE_IN} may be left out: {}; \
+                "{count} of {total} {noun} are broken, and no more than one in {ONE_IN} may be left out: {}; \
                  export them again",
                 self.details()
             ));
         }
         if count > 0 {
             let what = format!(
-                "{}: {count} of {total} {noun} make no sense and are left out: {}",
+                "{}: {count} of {total} {noun} {} broken and left out: {}",
                 crate::text::path(path),
+                if count == 1 { "is" } else { "are" },
                 self.details()
             );
             report.warn(&format!("{noun}-left-out"), count, what);
@@ -113,7 +114,7 @@ mod tests {
         let message = &report.warnings[0].message;
         assert_eq!(
             message,
-            "model: 2 of 20 views make no sense and are left out: image 0: its pose is 0; also image 1"
+            "model: 2 of 20 views are broken and left out: image 0: its pose is 0; also image 1"
         );
         for (broken, total) in [(1, 9), (3, 20), (1, 1)] {
             let message = finished(broken, total).unwrap_err().to_string();

@@ -38,7 +38,7 @@ fn random(capture: &Capture, count: usize) -> Model {
 fn points_become_splats_with_the_documented_parameters() {
     let mut scene = Scene::ring(5);
     // A square of side 2 and a point far away: spacing of a corner is (4 + 4 + 8) / 3.
-    let corners = [[0., 0., 0.], [2., 0., 0.], [0., 2., 0.], [2., 2., 0.], [0., 0., 90.]];
+    let corners = [[0., 0., 0.], [2., 0., 0.], [0., 2., 0.], [2., 2., 0.], [0., 0., 20.]];
     scene.points = corners.map(|p| (p, [255, 0, 51])).to_vec();
     let capture = capture(&scene);
     let options = InitOptions { policy: Policy::Fixed(4), ..InitOptions::default() };
@@ -87,9 +87,10 @@ fn unusable_points_are_left_out_and_counted() {
     let mut scene = Scene::ring(5);
     let (q, t) = scene.images[2].camera_from_world;
     scene.points[0].0 = (-(q.inverse() * t)).to_array();
-    scene.points[1].0 = [f64::NAN, 0.0, 0.0];
     scene.points[2] = scene.points[3];
-    let (model, report) = sparse(&capture(&scene), &InitOptions::default());
+    let mut capture = capture(&scene);
+    capture.points[1].position_in_capture.x = f64::NAN;
+    let (model, report) = sparse(&capture, &InitOptions::default());
     assert_eq!(model.num_splats(), 17);
     for code in ["points-at-camera", "points-not-finite", "points-duplicate"] {
         assert!(report.warnings.iter().any(|w| w.code == code && w.count == 1), "{code}");

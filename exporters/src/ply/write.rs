@@ -128,6 +128,9 @@ fn header(asset: &SplatAsset, options: &PlyOptions, sh_degree: u32) -> String {
     let frame = match (up, asset.world_from_capture.is_identity()) {
         (PlyUp::MinusY, true) if facts.up.is_empty() => "of the capture; what is up there is not known",
         (PlyUp::MinusY, true) => "of the capture (up is -y)",
+        (PlyUp::MinusY, false) if facts.up.is_empty() => {
+            "the file's own, see world_from_capture; what is up there is not known"
+        }
         (PlyUp::MinusY, false) => "the file's own (up is -y), see world_from_capture",
         _ => "the file's own, turned about x from one in which up is -y",
     };

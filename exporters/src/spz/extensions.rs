@@ -28,7 +28,7 @@ impl Extensions {
     pub fn parse(mut rest: &[u8], flags: u8) -> Self {
         let mut found = Self::default();
         let is_announced = flags & HAS_EXTENSIONS != 0;
-        let mut num_unknown = 0;
+        let (mut num_unknown, mut has_coordinates) = (0, false);
         while let Some((kind, value, after)) = record(rest) {
             rest = after;
             match kind {
@@ -36,7 +36,11 @@ impl Extensions {
                     found.meta = Some(value.to_vec());
                 }
                 META_RECORD | SAFE_ORBIT => {}
-                COORDINATES => found.take_coordinates(value, is_announced),
+                COORDINATES if !has_coordinates => {
+                    has_coordinates = true;
+                    found.take_coordinates(value, is_announced);
+                }
+                COORDINATES => {}
                 _ if is_announced => {
                     num_unknown += 1;
                     if num_unknown == 1 {

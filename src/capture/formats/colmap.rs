@@ -258,7 +258,7 @@ fn lenses(
     }
     if unused.count() > 0 {
         let what = format!(
-            "{}: {} of {} cameras make no sense and are left out, since no image uses them: {}",
+            "{}: {} of {} cameras cannot be used and are left out, since no image refers to them: {}",
             folder.display(),
             unused.count(),
             sparse.cameras.len(),
@@ -340,7 +340,9 @@ fn view(
         Some(Ok(lens)) => *lens,
         Some(Err(problem)) => return Err(problem.clone()),
         None => {
-            let known: Vec<String> = lenses.keys().map(u32::to_string).collect();
+            let mut known: Vec<u32> = lenses.keys().copied().collect();
+            known.sort_unstable();
+            let known: Vec<String> = known.iter().map(u32::to_string).collect();
             return Err(format!(
                 "it refers to camera {}, but the cameras are {}",
                 image.camera_id,

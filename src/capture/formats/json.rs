@@ -1,4 +1,4 @@
-//! JSON with what Python and C++ write into it for numbers that are none: `NaN`, `-Infinity`, `-nan(ind)`, `1e999`.
+//! JSON with what Python and C++ write into it for numbers that are not finite: `NaN`, `-Infinity`, `-nan(ind)`, `1e999`.
 
 use super::bytes::read_text;
 use super::numbers;

@@ -12,9 +12,8 @@ use serde_json::Value;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-/// Files of lists, beside the poses or in the folder above them: ScanNet++ and Eyeful Tower.
-const FILES: [&str; 4] =
-    ["train_test_lists.json", "splits.json", "../train_test_lists.json", "../splits.json"];
+/// Files of lists beside the poses, of ScanNet++ and Eyeful Tower; ScanNet++'s also in the folder above.
+const FILES: [&str; 3] = ["train_test_lists.json", "splits.json", "../train_test_lists.json"];
 
 /// The lists as nerfstudio names them.
 #[derive(Debug, Default, Deserialize)]
@@ -58,7 +57,7 @@ pub(super) struct Uses {
 }
 
 /// Decides what becomes of the frames of the pose file at `path`, given by stored path and flags; those from `first_test`
-/// on are from its list `test_frames` (ScanNet++).
+/// on are from its list `test_frames` (ScanNet++). `beside`: the folder whose lists count where the file has none.
 ///
 /// # Errors
 /// [`crate::Error::InvalidInput`] if a list matches no frame, or no frame is left.
@@ -67,7 +66,7 @@ pub(super) fn uses(
     frames: &[(&str, &Flags)],
     first_test: usize,
     filenames: Filenames,
-    folder: &CaptureFolder,
+    beside: Option<&CaptureFolder>,
     report: &mut Report,
 ) -> Result<Uses> {
     let names: Vec<&str> = frames.iter().map(|frame| frame.0).collect();
@@ -86,8 +85,14 @@ pub(super) fn uses(
     } else if frames.iter().any(|frame| flagged(frame.1).is_some()) {
         let sides = frames.iter().map(|frame| flagged(frame.1).or(Some(Split::Train))).collect();
         (sides, Some(format!("the key split of the frames of {file}")))
-    } else if let Some(lists) = ListedSplit::beside(folder)? {
-        (lists.sides(&names, report)?, Some(lists.words()))
+    } else if let Some(lists) = beside.map(ListedSplit::beside).transpose()?.flatten() {
+        if lists.name_any(&names) {
+            (lists.sides(&names, report)?, Some(lists.words()))
+        } else {
+            let what = format!("{} name no frame of {file}: they split nothing", lists.words());
+            report.warn("split-list-of-others", 1, what);
+            (vec![None; frames.len()], None)
+        }
     } else {
         (vec![None; frames.len()], None)
     };
@@ -189,6 +194,12 @@ impl ListedSplit {
             .filter(|list| !list.names.is_empty())
             .collect();
         (!lists.is_empty()).then(|| Self { path: path.to_owned(), lists })
+    }
+
+    /// Whether any of the names is that of a frame. A list beside the poses may be that of other captures.
+    fn name_any(&self, frames: &[&str]) -> bool {
+        let by_name = ByName::new(frames);
+        self.lists.iter().flat_map(|list| &list.names).any(|name| !by_name.find(name).is_empty())
     }
 
     /// What decided the split, for people: "train_filenames and val_filenames of transforms.json".

@@ -132,7 +132,9 @@ fn read_one(path: &Path, split: Option<Split>, folder: &CaptureFolder, source: &
     file.frames.extend(file.test_frames.take().unwrap_or_default());
     let frames: Vec<_> = file.frames.iter().map(|f| (f.file_path.as_str(), &f.flags)).collect();
     let filenames = std::mem::take(&mut file.filenames);
-    let uses = uses(path, &frames, first_test, filenames, folder, &mut source.report)?;
+    // Blender's files say by their names what they hold.
+    let beside = split.is_none().then_some(folder);
+    let uses = uses(path, &frames, first_test, filenames, beside, &mut source.report)?;
     source.split_by = source.split_by.take().or(uses.split_by);
     for (index, frame) in file.frames.iter().enumerate() {
         let Use::View(listed) = uses.frames[index] else { continue };
@@ -156,10 +158,11 @@ fn read_one(path: &Path, split: Option<Split>, folder: &CaptureFolder, source: &
                 continue;
             }
         };
+        let mask = frame.mask_path.as_ref().map(|mask| find_mask(folder, mask, &photo)).transpose()?;
         source.views.push(SourceView {
             name: name(&folder.root, &frame.file_path, &photo),
             photo: Some(photo),
-            mask: frame.mask_path.as_ref().map(|mask| find_mask(folder, mask)).transpose()?,
+            mask,
             lens,
             camera_from_capture,
             split: split.or(listed),
@@ -209,11 +212,11 @@ fn strip_common_folder(views: &mut [SourceView]) {
     }
 }
 
-/// The mask at a stored path, or where it should be.
-fn find_mask(folder: &CaptureFolder, stored: &str) -> Result<PathBuf> {
+/// The mask at a stored path, or where it should be. The photo itself, of the same stem, is none.
+fn find_mask(folder: &CaptureFolder, stored: &str, photo: &Path) -> Result<PathBuf> {
     match folder.photos("").find(&plain(stored))? {
-        Some(found) => Ok(found),
-        None => folder.file(stored),
+        Some(found) if found != photo => Ok(found),
+        _ => folder.file(stored),
     }
 }
 

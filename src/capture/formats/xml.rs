@@ -27,6 +27,12 @@ pub(crate) fn read(path: &Path) -> Result<String> {
 /// # Errors
 /// [`crate::Error::InvalidInput`] with line and column, [`crate::Error::Unsupported`] beyond the bounds.
 pub(crate) fn parse<'a>(path: &Path, text: &'a str) -> Result<Document<'a>> {
+    // Room is made for as many before any limit applies.
+    for (sign, what) in [('<', "nodes"), ('=', "attributes")] {
+        if text.matches(sign).nth(NODES_MAX as usize).is_some() {
+            return Err(unsupported!(path, "more than {NODES_MAX} {what}, which is the limit"));
+        }
+    }
     if let Some(bytes) = longest_tag(text).filter(|bytes| *bytes > TAG_BYTES_MAX) {
         return Err(unsupported!(path, "a tag has {bytes} bytes, expected at most {TAG_BYTES_MAX}"));
     }
@@ -38,9 +44,22 @@ pub(crate) fn parse<'a>(path: &Path, text: &'a str) -> Result<Document<'a>> {
         .map_err(|e| invalid!(path, "not a valid XML document: {e}; export it again"))
 }
 
-/// Bytes between `<` and `>`; quoted brackets end a tag here, which makes it shorter, never longer.
+/// Bytes from a `<` to the `>` that ends its tag: one outside quotes.
 fn longest_tag(text: &str) -> Option<usize> {
-    text.split('<').skip(1).map(|tag| tag.find('>').unwrap_or(tag.len())).max()
+    text.split('<').skip(1).map(bytes_of_tag).max()
+}
+
+fn bytes_of_tag(tag: &str) -> usize {
+    let mut open_quote = None;
+    for (at, sign) in tag.bytes().enumerate() {
+        match (open_quote, sign) {
+            (None, b'>') => return at,
+            (None, b'"' | b'\'') => open_quote = Some(sign),
+            (Some(quote), _) if quote == sign => open_quote = None,
+            _ => {}
+        }
+    }
+    tag.len()
 }
 
 /// The text inside an element, without blanks around it.
@@ -84,6 +103,11 @@ mod tests {
         assert!(parse(Path::new("a.xml"), "<a b='1'><c/></a>").is_ok(), "negative control");
         let attributes: String = (0..2000).map(|i| format!(" a{i}=''")).collect();
         assert!(refused(&format!("<a{attributes}/>")).contains("a tag has"));
+        assert!(
+            refused(&format!("<a b='>' c=\">\"{attributes}/>")).contains("a tag has"),
+            "behind quoted brackets"
+        );
+        assert!(refused(&format!("<a>{}</a>", "=".repeat(NODES_MAX as usize + 1))).contains("attributes"));
         let nested: String = (0..100).map(|i| format!("<a xmlns:b{i}='{i}'>")).collect();
         assert!(refused(&nested).contains("namespaces"));
         assert!(refused(&format!("<a>{}</a>", "<b/>".repeat(NODES_MAX as usize))).contains("limit"));

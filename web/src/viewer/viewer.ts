@@ -228,7 +228,8 @@ export class Viewer {
     private restored(): void {
         const { reading, kept } = this;
         this.events.restored?.();
-        if (reading) this.read(reading);
+        // Whoever has moved the camera meanwhile keeps it.
+        if (reading) this.read({ ...reading, keepPose: reading.keepPose || Boolean(this.pose && this.info) });
         else if (kept) this.read({ source: kept, keepPose: true, whole: false, again: true });
         this.invalidate();
     }
