@@ -93,6 +93,10 @@ fn other_layouts_state_the_split_and_bad_frames_are_left_out() {
     let folder = transforms(|_| {});
     write_json(folder.path().join("splits.json"), &json!({"scenes": 3}));
     assert_eq!(held_out(&load(folder.path())), ["p01.png"], "a file of that name that holds something else");
+    write_json(folder.path().join("splits.json"), &json!({"train": ["room"], "test": ["kitchen"]}));
+    let capture = load(folder.path());
+    assert_eq!(held_out(&capture), ["p01.png"], "a list of other captures");
+    assert!(warning(&capture.report, "split-list-of-others").is_some());
     let lists =
         json!({"train": ["p01.JPG", "p02.JPG", "p03.JPG", "p04.JPG"], "test": ["p05.JPG", "p06.JPG"]});
     write_json(folder.path().join("train_test_lists.json"), &lists);
@@ -103,6 +107,23 @@ fn other_layouts_state_the_split_and_bad_frames_are_left_out() {
         j["frames"].as_array_mut().unwrap().iter_mut().for_each(|f| f["is_bad"] = true.into());
     });
     assert!(message(folder.path(), &LoadOptions::default()).contains("6 of 6 are marked as bad"));
+}
+
+#[test]
+fn a_photo_is_not_taken_for_its_own_missing_mask() {
+    let folder = transforms(|j| {
+        for frame in j["frames"].as_array_mut().unwrap() {
+            frame["mask_path"] = frame["file_path"].as_str().unwrap().replace(".png", ".jpg").into();
+        }
+    });
+    let capture = load(folder.path());
+    assert_eq!(warning(&capture.report, "views-without-mask").unwrap().count, 6);
+    let folder_of_masks = transforms(|j| j["frames"][0]["mask_path"] = "images/p02.jpg".into());
+    let capture = load(folder_of_masks.path());
+    assert!(
+        warning(&capture.report, "views-without-mask").is_none(),
+        "negative control: another file's stem"
+    );
 }
 
 #[test]
