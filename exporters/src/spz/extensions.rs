@@ -118,6 +118,9 @@ pub mod tests {
         assert_eq!(found.coordinates.map(Coordinates::name), Some("RDF"));
         let has = |found: &Extensions, words: &str| found.warnings.iter().any(|w| w.contains(words));
         assert!(has(&found, "0x12340001") && has(&found, "RDF") && found.warnings.len() == 2, "{found:?}");
+        // One record counts, and is told of once, however many follow.
+        let repeated = Extensions::parse(&[&rdf[..], &rdf, &coordinates_record(17)].concat(), HAS_EXTENSIONS);
+        assert_eq!((repeated.coordinates, repeated.warnings.len()), (found.coordinates, 1));
         // Nothing announces them: ours is read, nothing is turned.
         let silent = Extensions::parse(&all, 0);
         assert_eq!((&silent.meta, silent.coordinates), (&found.meta, None));
