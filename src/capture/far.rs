@@ -28,8 +28,9 @@ pub(crate) fn leave_out(source: &mut Source, report: &mut Report) {
         let far: Vec<_> = far;
         let names = first_names(far.iter().map(|v| v.name.as_str()));
         let what = format!(
-            "of {total} cameras {} more than {FAR} median distances from the median and left out: {names}; \
+            "{} of {total} cameras {} more than {FAR} median distances from the median and left out: {names}; \
              --set capture.keep-far=true (inspect: --keep-far) keeps them",
+            far.len(),
             are(far.len())
         );
         report.warn("far-cameras", far.len(), what);
@@ -40,7 +41,7 @@ pub(crate) fn leave_out(source: &mut Source, report: &mut Report) {
         source.retain_points(|point| limit.keeps(point.position_in_capture));
         let count = total - source.points.len();
         let what = format!(
-            "of {total} points {} more than {FAR} median distances from the median and left out; \
+            "{count} of {total} points {} more than {FAR} median distances from the median and left out; \
              --set capture.keep-far=true (inspect: --keep-far) keeps them",
             are(count)
         );
@@ -48,8 +49,8 @@ pub(crate) fn leave_out(source: &mut Source, report: &mut Report) {
     }
 }
 
-fn are(count: usize) -> String {
-    format!("{count} {}", if count == 1 { "is" } else { "are" })
+fn are(count: usize) -> &'static str {
+    if count == 1 { "is" } else { "are" }
 }
 
 /// A ball around the median.
