@@ -66,6 +66,11 @@ pub(crate) struct Lens {
 }
 
 impl Lens {
+    /// The lens if its numbers make sense, else what is wrong.
+    pub fn checked(self) -> Result<Self, String> {
+        self.problem().map_or(Ok(self), Err)
+    }
+
     /// The first number that makes no sense, if any.
     pub fn problem(&self) -> Option<String> {
         let c = &self.pinhole;

@@ -26,6 +26,14 @@ pub(crate) struct SourceView {
     pub observed: Vec<u32>,
 }
 
+impl SourceView {
+    /// A view of which nothing else is stated.
+    pub fn new(name: String, photo: PathBuf, lens: Lens, camera_from_capture: RigidTransform) -> Self {
+        let photo = Some(photo);
+        Self { name, photo, mask: None, lens, camera_from_capture, split: None, observed: Vec::new() }
+    }
+}
+
 /// A capture as its pose files describe it.
 #[derive(Clone, Debug)]
 pub(crate) struct Source {

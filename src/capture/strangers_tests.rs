@@ -366,14 +366,14 @@ fn poses_in_other_folders_are_named_in_the_error() {
         error => panic!("{error:?}"),
     };
     assert!(message(root).contains("colmap mapper"), "negative control: no poses");
-    let model = root.join("work/day 1/sparse/0");
+    let model = root.join("jobs/day 1/sparse/0");
     scene.write_text(&model);
     let text = message(root);
-    let command = format!("litetex train '{root}/work/day 1' --images {root}/images", root = root.display());
+    let command = format!("litetex train '{root}/jobs/day 1' --images {root}/images", root = root.display());
     assert!(text.contains(&command) && !text.contains("colmap mapper"), "{text}");
     let named = LoadOptions { images: Some(root.join("images")), ..LoadOptions::default() };
-    assert_eq!(Capture::load(&root.join("work/day 1"), &named).unwrap().views.len(), 3, "the command loads");
-    let model = root.join("work/day 2");
+    assert_eq!(Capture::load(&root.join("jobs/day 1"), &named).unwrap().views.len(), 3, "the command loads");
+    let model = root.join("jobs/day 2");
     scene.write_photos(&model.join("images"), (12, 8));
     write_json(model.join("transforms.json"), &scene.transforms("images/"));
     let text = message(root);

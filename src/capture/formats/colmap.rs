@@ -320,10 +320,7 @@ fn lens(camera: &ColmapCamera) -> Result<Lens, String> {
         },
         distortion,
     };
-    match lens.problem() {
-        Some(what) => Err(what),
-        None => Ok(lens),
-    }
+    lens.checked()
 }
 
 /// The view of an image, or what is wrong with it.

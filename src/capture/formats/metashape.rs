@@ -205,19 +205,12 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
             source.without_photo.push(label.to_owned());
             continue;
         };
-        source.views.push(SourceView {
-            name,
-            photo: Some(photo),
-            mask: None,
-            lens,
-            camera_from_capture,
-            split: None,
-            observed: Vec::new(),
-        });
+        source.views.push(SourceView::new(name, photo, lens, camera_from_capture));
     }
     if num_apart > 0 {
         let what = format!(
-            "{num_apart} cameras are in other components than the largest and are left out: align them in Metashape"
+            "left out {} in other components than the largest: align them in Metashape",
+            crate::text::counted(num_apart, "camera")
         );
         source.report.warn("cameras-in-other-components", num_apart, what);
     }

@@ -83,8 +83,5 @@ fn of_calibration(
     if !lens.is_distorted() {
         lens.distortion = Distortion::None;
     }
-    match lens.problem() {
-        Some(what) => Err(what),
-        None => Ok(lens),
-    }
+    lens.checked()
 }

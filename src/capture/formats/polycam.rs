@@ -117,13 +117,8 @@ fn view(path: &Path, photo: &Path) -> Result<Result<SourceView, String>> {
     }
     let c = &camera;
     let axes = from_rows([[c.t_00, c.t_01, c.t_02], [c.t_10, c.t_11, c.t_12], [c.t_20, c.t_21, c.t_22]]);
-    Ok(from_opengl(axes, DVec3::new(c.t_03, c.t_13, c.t_23)).map(|camera_from_capture| SourceView {
-        name: photo.file_name().unwrap_or_default().to_string_lossy().into_owned(),
-        photo: Some(photo.to_owned()),
-        mask: None,
-        lens,
-        camera_from_capture,
-        split: None,
-        observed: Vec::new(),
+    Ok(from_opengl(axes, DVec3::new(c.t_03, c.t_13, c.t_23)).map(|camera_from_capture| {
+        let name = photo.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        SourceView::new(name, photo.to_owned(), lens, camera_from_capture)
     }))
 }

@@ -149,15 +149,7 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
                 continue;
             }
         };
-        source.views.push(SourceView {
-            lens,
-            name,
-            photo: Some(photo),
-            mask: None,
-            camera_from_capture,
-            split: None,
-            observed: Vec::new(),
-        });
+        source.views.push(SourceView::new(name, photo, lens, camera_from_capture));
     }
     if columns.is_none() {
         return Err(invalid!(path, "no header with the columns {}", REQUIRED.join(", ")));
@@ -226,7 +218,7 @@ fn lens(row: &Row<'_>, (width_px, height_px): (u32, u32)) -> Result<Lens, String
         },
         distortion: if any { Distortion::Brown { k, p, shear: 0.0 } } else { Distortion::None },
     };
-    lens.problem().map_or(Ok(lens), Err)
+    lens.checked()
 }
 
 #[cfg(test)]

@@ -94,15 +94,8 @@ fn read(folder: &CaptureFolder) -> Result<Source> {
                 continue;
             }
         };
-        source.views.push(SourceView {
-            name: name_in(&photos, &photo),
-            photo: Some(photo),
-            mask: None,
-            lens,
-            camera_from_capture: camera.camera_from_capture,
-            split: None,
-            observed: Vec::new(),
-        });
+        let name = name_in(&photos, &photo);
+        source.views.push(SourceView::new(name, photo, lens, camera.camera_from_capture));
     }
     if num_dropped > 0 {
         let what = format!("skew and aspect ratio of {num_dropped} lenses are not supported and ignored");
@@ -198,10 +191,7 @@ impl Camera {
             cy_px: 0.5 * f64::from(height_px) + v * longer_px,
         };
         let lens = Lens { pinhole, distortion: self.distortion };
-        match lens.problem() {
-            Some(what) => Err(what),
-            None => Ok(lens),
-        }
+        lens.checked()
     }
 }
 

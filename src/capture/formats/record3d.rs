@@ -71,15 +71,10 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
             continue;
         };
         match metadata.lens(index).and_then(|lens| Ok((lens, camera_from_capture(pose.map(|v| v.0))?))) {
-            Ok((lens, camera_from_capture)) => source.views.push(SourceView {
-                name: photo.file_name().unwrap_or_default().to_string_lossy().into_owned(),
-                photo: Some(photo),
-                mask: None,
-                lens,
-                camera_from_capture,
-                split: None,
-                observed: Vec::new(),
-            }),
+            Ok((lens, camera_from_capture)) => {
+                let name = photo.file_name().unwrap_or_default().to_string_lossy().into_owned();
+                source.views.push(SourceView::new(name, photo, lens, camera_from_capture));
+            }
             Err(what) => left_out.push(format!("camera {}", quoted(&stem)), what),
         }
     }
@@ -107,9 +102,6 @@ impl Metadata {
         };
         let pinhole = Pinhole { width_px: self.w, height_px: self.h, fx_px, fy_px, cx_px, cy_px };
         let lens = Lens { pinhole, distortion: Distortion::None };
-        match lens.problem() {
-            Some(what) => Err(what),
-            None => Ok(lens),
-        }
+        lens.checked()
     }
 }

@@ -101,15 +101,10 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
         let pinhole = Pinhole { width_px, height_px, fx_px, fy_px, cx_px, cy_px };
         let lens = Lens { pinhole, distortion: Distortion::None };
         match (camera_from_capture, lens.problem()) {
-            (Ok(camera_from_capture), None) => source.views.push(SourceView {
-                name: photo.file_name().unwrap_or_default().to_string_lossy().into_owned(),
-                photo: Some(photo),
-                mask: None,
-                lens,
-                camera_from_capture,
-                split: None,
-                observed: Vec::new(),
-            }),
+            (Ok(camera_from_capture), None) => {
+                let name = photo.file_name().unwrap_or_default().to_string_lossy().into_owned();
+                source.views.push(SourceView::new(name, photo, lens, camera_from_capture));
+            }
             (Err(what), _) | (_, Some(what)) => left_out.push(format!("camera {}", quoted(&name)), what),
         }
     }

@@ -307,7 +307,7 @@ impl Intrinsics {
             },
             distortion: self.distortion(path, element)?,
         };
-        Ok(lens.problem().map_or(Ok(lens), Err))
+        Ok(lens.checked())
     }
 
     fn distortion(&self, path: &Path, element: &str) -> Result<Distortion> {

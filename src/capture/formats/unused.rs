@@ -2,6 +2,7 @@
 
 use crate::Report;
 use crate::capture::source::first_names;
+use crate::text::counted;
 
 /// Cameras that are no views.
 #[derive(Default)]
@@ -15,13 +16,13 @@ pub(crate) struct Unused {
 impl Unused {
     /// Warns of them.
     pub fn report(&self, report: &mut Report) {
-        for (code, names, what) in [
-            ("cameras-without-pose", &self.unposed, "have no pose"),
-            ("cameras-disabled", &self.disabled, "are disabled"),
+        for (code, names, why) in [
+            ("cameras-without-pose", &self.unposed, "without a pose"),
+            ("cameras-disabled", &self.disabled, "disabled by the author"),
         ] {
             if !names.is_empty() {
                 let first = first_names(names.iter().map(String::as_str));
-                let what = format!("{} cameras {what} and are left out: {first}", names.len());
+                let what = format!("left out {} {why}: {first}", counted(names.len(), "camera"));
                 report.warn(code, names.len(), what);
             }
         }
