@@ -49,6 +49,9 @@ pub struct ExportArgs {
     device: String,
 }
 
+/// How scenes for formats without textures are better trained.
+const TRAIN_INSTEAD: &str = "litetex train --for engine";
+
 /// Loads, writes and verifies.
 pub fn run(args: &ExportArgs, log: &Log) -> Result<Output> {
     listen(log)?;
@@ -81,6 +84,8 @@ struct Exported {
     verdict: Option<Verdict>,
     /// On the photos of the test views, if the capture of the run is still there.
     on_test_photos: Option<PhotoPsnr>,
+    /// Whether the scene has textures that the format cannot hold.
+    loses_textures: bool,
 }
 
 /// What all files of an export share.
@@ -326,7 +331,9 @@ impl<'a> Job<'a> {
         let is_right = verdict.as_ref().is_none_or(|v| v.failures.is_empty());
         let written = if is_right { staged.publish(args.force)? } else { staged.written().clone() };
         let on_test_photos = on_test_photos.flatten();
-        Ok(Exported { path: path.to_owned(), written, raw_bytes: raw_bytes(asset), verdict, on_test_photos })
+        let loses_textures = asset.num_texels() > 0 && !Format::of(path)?.keeps_textures();
+        let (path, raw_bytes) = (path.to_owned(), raw_bytes(asset));
+        Ok(Exported { path, written, raw_bytes, verdict, on_test_photos, loses_textures })
     }
 }
 
@@ -364,6 +371,7 @@ impl Exports {
         if self.files.iter().any(|f| f.verdict.as_ref().is_some_and(|v| v.untextured)) {
             text += "* against the untextured scene: this format has no textures, maps are averaged into the colours\n";
         }
+        self.files.iter().filter_map(Exported::lost_textures).for_each(|line| text += &line);
         let failures: Vec<String> = self.files.iter().flat_map(Exported::failures).collect();
         let failed = (!failures.is_empty()).then(|| Error::CheckFailed(failures.join("; ")));
         let files: Vec<Value> = self.files.iter().map(Exported::json).collect();
@@ -386,6 +394,25 @@ impl Exported {
             "raw_bytes": self.raw_bytes,
             "verdict": self.verdict,
             "on_test_photos": self.on_test_photos,
+            "lost_textures": self.loses_textures.then(|| json!({
+                "psnr_to_textured": self.verdict.as_ref().map(|v| v.fallback_psnr),
+                "loss_db": self.verdict.as_ref().map(|v| v.fallback_loss_db),
+                "train_instead": TRAIN_INSTEAD,
+            })),
+        })
+    }
+
+    /// What the scene's textures were good for, and how to train without them, as a line; `None` where none are lost.
+    fn lost_textures(&self) -> Option<String> {
+        self.loses_textures.then(|| {
+            let lost = self.verdict.as_ref().map_or_else(
+                || "the textures are lost".to_owned(),
+                |v| {
+                    let (psnr, loss) = (v.fallback_psnr, v.fallback_loss_db);
+                    format!("{psnr:.2} dB against the textured scene, {loss:.2} dB lost with the textures")
+                },
+            );
+            format!("{}: {lost}; train scenes for this format with: {TRAIN_INSTEAD}\n", self.path.display())
         })
     }
 

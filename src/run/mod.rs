@@ -9,6 +9,7 @@ mod init_source;
 mod outcome;
 mod outlying;
 mod profile;
+mod purpose;
 mod recorder;
 #[cfg(test)]
 mod recorder_tests;
@@ -26,6 +27,7 @@ pub use folder::{
 };
 pub use init_source::InitSource;
 pub use profile::Profile;
+pub use purpose::Purpose;
 pub use recorder::Recorder;
 pub use resource_estimate::{ResourceEstimate, Resources, Workload};
 pub use summary::{
