@@ -2,18 +2,19 @@
 
 use super::asset_args::{AssetArgs, CropBox};
 use super::outputs;
+use super::scale_from::{ScaleFrom, measure, parse_scale_from};
 use super::sources::{load_layers, open_photos, read_limits};
 use super::views_progress::{ViewsProgress, views_to_render};
 use litetex_exporters::spz::{ShBits, SpzOptions};
 use litetex_exporters::{
-    AssetCamera, Format, Quality, SplatAsset, WriteOptions, Written, num_sh_coefficients, read_asset,
-    read_fallback, stage_asset,
+    AssetCamera, Format, METRES, Quality, SplatAsset, UNKNOWN_SCALE, WriteOptions, Written,
+    num_sh_coefficients, read_asset, read_fallback, stage_asset,
 };
 use litetex_gs::camera::up::direction_text;
 use litetex_gs::capture::Capture;
 use litetex_gs::console::values::whole;
 use litetex_gs::console::{Interrupt, Log, Output, columns, device, path_text};
-use litetex_gs::run::Trained;
+use litetex_gs::run::{Scale, Trained, run_of_checkpoint};
 use litetex_gs::text::{format_bytes, format_count};
 use litetex_gs::verify::{
     Backends, BakedScene, Contribution, EXPORT_VIEWS, ExpectedImages, GoOn, PhotoPsnr, QualityLimits,
@@ -34,7 +35,7 @@ pub struct ExportArgs {
     #[arg(value_name = "RUN|CHECKPOINT|ASSET")]
     source: PathBuf,
     /// Files to write
-    #[arg(value_name = "FILE", required_unless_present = "out")]
+    #[arg(value_name = "FILE", required_unless_present_any = ["out", "scale_from"])]
     files: Vec<PathBuf>,
     /// File to write; several may follow
     #[arg(long, short, value_name = "FILE", num_args = 1..)]
@@ -42,6 +43,11 @@ pub struct ExportArgs {
     /// Keep only the first N layers of a .ltgs file, or one inside glTF, which are a coarser scene
     #[arg(long, value_name = "N", value_parser = whole::<u32>(1..=u64::MAX), help_heading = "Scene")]
     layers: Option<u32>,
+    /// Two points and their distance, such as 'A.jpg:10,20 A.jpg:300,40 = 1.2m', by which a unit of the files becomes a metre; kept
+    /// beside the run for later exports, "none" forgets it. Points: VIEW:x,y, a pixel of the stored photo, which shows the surface
+    /// there; VIEW:x,y+VIEW:x,y, the same point in two views; X,Y,Z, in the capture's frame. Units: mm, cm, m, in, ft
+    #[arg(long, value_name = "POINTS", value_parser = parse_scale_from, conflicts_with = "scale", help_heading = "Scene")]
+    scale_from: Option<ScaleFrom>,
     #[command(flatten)]
     asset: AssetArgs,
     /// Where to render for the comparison
@@ -58,8 +64,46 @@ pub fn run(args: &ExportArgs, log: &Log) -> Result<Output> {
     let source = args.source.is_file().then_some(args.source.as_path());
     let out = [&*args.files, &args.out].concat();
     outputs::check(source, &out, &args.asset)?;
-    let (scene, trained) = load_layers(&args.source, args.layers, log)?;
+    let (mut scene, trained) = load_layers(&args.source, args.layers, log)?;
+    if let Some(from) = &args.scale_from {
+        scale(from, &mut scene, trained.as_ref(), log)?;
+    }
+    if out.is_empty() {
+        let words = scene.asset.provenance.scale_words();
+        return Ok(Output::new(
+            "litetex-export/1",
+            json!({ "files": [], "scale": words }),
+            format!("{words}\n"),
+        ));
+    }
     Ok(write_all((scene, trained.as_ref()), &out, &args.asset, &args.device, log)?.output())
+}
+
+/// Measures the scale of a scene, or forgets it, for this export and, beside a run, for later ones.
+fn scale(from: &ScaleFrom, scene: &mut BakedScene, trained: Option<&Trained>, log: &Log) -> Result<()> {
+    let run = trained.and_then(|trained| run_of_checkpoint(&trained.path));
+    let (factor, words) = match from {
+        ScaleFrom::None => {
+            let had_one = run.as_deref().map_or(Ok(false), Scale::remove)?;
+            log.info(if had_one { "the scale of the run is forgotten" } else { "the run had no scale" });
+            let stated = trained.map(Trained::scale_words_unmeasured);
+            (1.0, stated.unwrap_or_else(|| UNKNOWN_SCALE.to_owned()))
+        }
+        ScaleFrom::Distance(points, metres, text) => {
+            let found = measure((points, *metres, text), (scene, trained), log)?;
+            if let Some(run) = &run {
+                found.store(run)?;
+                log.info(&format!(
+                    "kept in {} for later exports; --scale-from none forgets it",
+                    run.display()
+                ));
+            }
+            (found.metres_per_unit, found.words())
+        }
+    };
+    scene.asset.set_scale(factor);
+    scene.asset.provenance.scale = words;
+    Ok(())
 }
 
 /// Takes over Ctrl-C, before the first file is created: neither probes nor staged files may stay behind.
@@ -180,6 +224,11 @@ fn edit(scene: &mut BakedScene, args: &AssetArgs, go_on: GoOn<'_>, log: &Log) ->
     }
     if let Some(factor) = args.scale {
         asset.set_scale(factor);
+        asset.provenance.scale =
+            format!("{METRES}: a unit of the capture is {factor} m, as requested with --scale");
+    }
+    if !asset.provenance.scale.is_empty() {
+        log.info(&format!("scale: {}", asset.provenance.scale));
     }
     if let Some(origin) = args.origin {
         log.info(&origin.apply(asset));

@@ -14,6 +14,7 @@ mod recorder;
 #[cfg(test)]
 mod recorder_tests;
 mod resource_estimate;
+mod scale;
 mod summary;
 mod trained;
 mod view_files;
@@ -30,6 +31,7 @@ pub use profile::Profile;
 pub use purpose::Purpose;
 pub use recorder::Recorder;
 pub use resource_estimate::{ResourceEstimate, Resources, Workload};
+pub use scale::Scale;
 pub use summary::{
     CaptureFigures, DiskBytes, EndOfGrowth, Fps, GrowthFigures, Resumed, Size, Summary, TestFigures, Times,
 };
