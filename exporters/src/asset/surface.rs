@@ -1,4 +1,4 @@
-//! The surface that a ray meets, for measuring. `web/src/core/pick.ts` finds the same one.
+//! The surface that a ray meets, for measuring. `web/src/three/pick.ts` finds the same one.
 
 use crate::SplatAsset;
 
