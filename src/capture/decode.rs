@@ -118,7 +118,7 @@ impl Recipe {
     }
 
     /// The warp at a given size, if the lens is distorted.
-    fn warp(&self, (width, height): (u32, u32)) -> Option<Warp> {
+    pub(super) fn warp(&self, (width, height): (u32, u32)) -> Option<Warp> {
         self.lens
             .is_distorted()
             .then(|| Lens { pinhole: self.lens.pinhole.resized(width, height), ..self.lens })

@@ -125,6 +125,7 @@ fn load_folder(path: &Path, options: &LoadOptions, archive: Option<&Unpacked>) -
         points: source.points,
         capture_from_local,
         up,
+        metric: source.metric,
         near,
         health,
         split_by,

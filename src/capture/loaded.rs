@@ -42,6 +42,8 @@ pub struct Capture {
     pub capture_from_local: Similarity,
     /// Which direction is up.
     pub up: Up,
+    /// The program whose poses are in metres, if they are.
+    pub metric: Option<&'static str>,
     /// Distance of the near plane, local units.
     pub near: f32,
     /// How plausible the sparse reconstruction looks, where there is one.
@@ -102,6 +104,10 @@ impl ViewSource for Capture {
 
     fn up(&self) -> Up {
         self.up
+    }
+
+    fn metric(&self) -> Option<&'static str> {
+        self.metric
     }
 
     fn target(&self, view: usize) -> Result<Arc<TargetImage>> {

@@ -24,6 +24,7 @@ mod overlap;
 mod photos;
 #[cfg(test)]
 mod photos_tests;
+mod pixel;
 mod plausible;
 mod pose_format;
 mod source;

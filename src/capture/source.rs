@@ -43,6 +43,8 @@ pub(crate) struct Source {
     pub points: Vec<SfmPoint>,
     /// Up as the format defines it, a unit vector, where it does.
     pub stated_up: Option<DVec3>,
+    /// The program whose poses are in metres, where the format says so.
+    pub metric: Option<&'static str>,
     /// The file of the points, where the poses name one.
     pub points_file: Option<PathBuf>,
     /// Mean reprojection error of the points in pixels, where the format states it.
@@ -62,6 +64,7 @@ impl Source {
             views: Vec::new(),
             points: Vec::new(),
             stated_up: None,
+            metric: None,
             points_file: None,
             reprojection_error_px: None,
             without_photo: Vec::new(),

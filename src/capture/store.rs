@@ -219,6 +219,11 @@ impl ImageStore {
         }
     }
 
+    /// How a view's target image is made.
+    pub fn recipe(&self, view: usize) -> &Recipe {
+        &self.shared.recipes[view]
+    }
+
     /// Whether any photo has a pixel that is not opaque. Decodes photos that have an alpha channel until one has; those
     /// that cannot be decoded are left to [`Self::check_all`].
     pub fn has_alpha(&self) -> bool {

@@ -3,7 +3,7 @@
 use super::capture_args::WholeCaptureArgs;
 use super::sources::{check_kind, is_asset, read_scene};
 use glam::{DVec2, DVec3, Vec3};
-use litetex_exporters::{Describes, LayerSize, Quality, SplatAsset, Transform};
+use litetex_exporters::{Describes, LayerSize, METRES, Quality, SplatAsset, Transform, UNKNOWN_SCALE};
 use litetex_gs::bake::model_from_asset;
 use litetex_gs::camera::Pinhole;
 use litetex_gs::camera::up::Up;
@@ -91,6 +91,7 @@ fn checkpoint(path: &Path) -> Result<Value> {
         "step": trained.step,
         "capture": trained.config.data.as_deref().map(path_text),
         "up": of_up(&trained.up),
+        "scale": trained.scale_words(),
         "model": of_model(&trained.model),
     }))
 }
@@ -214,6 +215,7 @@ fn asset(path: &Path, log: &Log) -> Result<Value> {
         "cameras": asset.cameras.len(),
         "held_out": asset.cameras.iter().filter(|c| c.held_out).count(),
         "hash": format!("{:016x}", asset.hash()),
+        "scale": asset.provenance.scale_words(),
         "provenance": asset.provenance,
     }))
 }
@@ -280,6 +282,7 @@ fn of_capture(capture: &Capture) -> Value {
             "translation": capture.capture_from_local.translation.to_array(),
         },
         "up": of_up(&capture.up),
+        "scale": capture.metric.map_or_else(|| UNKNOWN_SCALE.to_owned(), |program| format!("{METRES}: as the poses of {program} are")),
         "near": capture.near,
         "health": capture.health,
         "warnings": capture.report.warnings,

@@ -144,6 +144,7 @@ fn take_provenance(contents: &mut PlyContents) {
             "world_from_capture" => world = super::world_from_comment(text),
             "up" => up = PlyUp::ALL.into_iter().find(|up| up.name() == text),
             "up_in_capture" => facts.up = plain(text),
+            "scale" => facts.scale = plain(text),
             "title" => facts.title = plain(text),
             "author" => facts.author = plain(text),
             "licence" => facts.licence = plain(text),

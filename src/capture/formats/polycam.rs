@@ -76,6 +76,7 @@ fn read(cameras: &Path, photos: &str, folder: &CaptureFolder) -> Result<Source> 
     let photos =
         folder.images.clone().unwrap_or_else(|| folder.photos(&keyframes.join(photos).to_string_lossy()));
     let mut source = Source::at(cameras);
+    source.metric = Some("Polycam");
     source.stated_up = Some(DVec3::Y);
     let mut left_out = LeftOut::default();
     for path in files(cameras, "json", 0) {

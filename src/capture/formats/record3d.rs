@@ -61,6 +61,7 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
     let metadata: Metadata = json::read(path, "the metadata of Record3D")?;
     let photos = photo_folder(folder, &PHOTOS);
     let mut source = Source::at(path);
+    source.metric = Some("Record3D");
     let mut left_out = LeftOut::default();
     let there = stems(&photos);
     for (index, pose) in metadata.poses.iter().enumerate() {

@@ -80,6 +80,7 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
     let frames: BTreeMap<String, Frame> = json::read(path, "the poses of ScanNet++'s iPhone")?;
     let photos = folder.images.clone().unwrap_or_else(|| folder.photos("rgb"));
     let mut source = Source::at(path);
+    source.metric = Some("ScanNet++");
     let (mut left_out, mut unused) = (LeftOut::default(), Unused::default());
     let there = stems(&photos);
     for (name, frame) in frames {
