@@ -10,6 +10,9 @@ mod judge;
 mod measure;
 mod sharpness;
 
+#[cfg(test)]
+mod tests;
+
 pub use measure::Figures;
 
 use super::loaded::Capture;
