@@ -66,7 +66,7 @@ pub struct Verdict {
 }
 
 impl Capture {
-    /// Judges the capture; decodes at most 60 of its photos, on all threads. A photo that cannot be decoded is a reason.
+    /// Says what the capture is good for; decodes at most 60 of its photos, on all threads. A photo that cannot be decoded is a reason.
     pub fn verdict(&self) -> Verdict {
         let figures = measure::of(self);
         let reasons = judge::reasons(&figures);
