@@ -97,9 +97,10 @@ fn look(capture: &Capture, view: usize) -> Result<Look, String> {
     let local_from_capture = capture.capture_from_local.inverse();
     // The same points in all photos, so that they can be compared.
     let step = (capture.points.len().div_ceil(POINTS_MAX * 8)).max(1);
-    let points = observed.iter().copied().filter(|&index| index as usize % step == 0).map(|index| {
-        (index, local_from_capture.transform_point(capture.points[index as usize].position_in_capture))
-    });
+    let points =
+        observed.iter().copied().filter(|&index| (index as usize).is_multiple_of(step)).map(|index| {
+            (index, local_from_capture.transform_point(capture.points[index as usize].position_in_capture))
+        });
     Ok(Look {
         sharpness: sharpness::of(&decoded.image),
         seen: exposure::seen(&capture.camera(view), &decoded.image, points),
