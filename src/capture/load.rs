@@ -131,6 +131,7 @@ fn load_folder(path: &Path, options: &LoadOptions, archive: Option<&Unpacked>) -
         split_by,
         undistortion,
         report,
+        observed: source.views.into_iter().map(|view| view.observed).collect(),
         store: ImageStore::new(recipes, options.image_cache_bytes),
         root: folder.root,
         unpacked: None,

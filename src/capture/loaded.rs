@@ -54,6 +54,8 @@ pub struct Capture {
     pub undistortion: Option<Undistortion>,
     /// Warnings: what was left out, chosen among several or looks wrong.
     pub report: Report,
+    /// For each view, the points that were triangulated from it, where the poses say so.
+    pub(super) observed: Vec<Vec<u32>>,
     pub(super) store: ImageStore,
     /// The files of an archive. Dropped after the store, whose threads read them.
     pub(super) unpacked: Option<Unpacked>,

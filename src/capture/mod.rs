@@ -35,6 +35,7 @@ mod strangers_tests;
 #[cfg(test)]
 mod tests;
 mod undistortion;
+mod verdict;
 mod warp;
 #[cfg(test)]
 mod warp_tests;
@@ -46,3 +47,4 @@ pub use health::SparseHealth;
 pub use loaded::{Capture, View};
 pub use options::{CaptureFormat, ExifTurn, LoadOptions, UndistortFocal};
 pub use undistortion::Undistortion;
+pub use verdict::{Figures, Rating, Reason, Verdict};
