@@ -3,9 +3,11 @@
 
 mod advice;
 mod check;
+mod claims;
 mod decode;
 mod elsewhere;
 mod exr_photo;
+mod extensions;
 mod far;
 #[cfg(test)]
 pub(crate) mod fixtures;
@@ -19,14 +21,19 @@ mod left_out;
 mod lens;
 mod load;
 mod loaded;
+mod masks;
 mod options;
 mod overlap;
+mod paths;
+mod photo_files;
+mod photo_folder;
 mod photos;
 #[cfg(test)]
 mod photos_tests;
 mod pixel;
 mod plausible;
 mod pose_format;
+mod recipes;
 mod source;
 mod split;
 mod store;
