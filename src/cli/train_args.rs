@@ -1,11 +1,10 @@
 //! Arguments of `litetex train`, and how they change the settings of a run.
 
 use super::capture_args::{CaptureArgs, set, set_some};
-use super::training_values::{Background, View, parse_background, parse_view};
+use super::training_values::{View, parse_view};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use litetex_gs::console::values::{parse_count, parse_decibels, parse_duration_secs, parse_whole, whole};
 use litetex_gs::run::{InitSource, Profile, RunConfig};
-use litetex_gs::train::density::Components;
 use litetex_gs::train::{Policy, policies};
 use litetex_gs::{Error, Result};
 use std::path::PathBuf;
@@ -82,11 +81,8 @@ pub struct TrainingArgs {
     pub profile: Option<Profile>,
     #[arg(long, alias = "texture", value_name = "POLICY", help = policy_help())]
     pub policy: Option<Policy>,
-    /// Parts of the method to switch off: scheduler, pruning, growth, update-rule, splitting, coarsening
-    #[arg(long, value_name = "PART,...", value_delimiter = ',', value_parser = Components::NAMES)]
-    pub without: Vec<String>,
-    /// Any setting of config.toml by name, such as sh-degree=2, exposure=affine, budget.max-splats=50000, save-every=5000,
-    /// save-images=none, capture.mask-invert=true or density.quantile=0.8; may be repeated
+    /// Any setting of config.toml by name, such as sh-degree=2, background=white, exposure=affine, components.pruning=false,
+    /// budget.max-splats=50000, save-every=5000, save-images=none or capture.mask-invert=true; may be repeated
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub settings: Vec<String>,
     /// Largest number of parameters, such as 500k or 5M: a splat has 58 at SH degree 3 and 22 at degree 1, a texture map 2 and 3 per texel
@@ -99,10 +95,6 @@ pub struct TrainingArgs {
     /// (the capture's only), ply:FILE, random:N [default: auto]
     #[arg(long, value_name = "SOURCE")]
     pub init: Option<InitSource>,
-    /// Colour of the background: black, white, #rrggbb, r,g,b from 0 to 1, or random (a new colour in each step, so that
-    /// transparent parts of photos stay empty; test images and exports have black) [default: black]
-    #[arg(long, value_name = "COLOUR", value_parser = parse_background)]
-    pub background: Option<Background>,
     /// Evaluate the test views every N steps; 0: only at the end [default: 0]
     #[arg(long, value_name = "N", value_parser = parse_whole::<u32>, help_heading = "Output")]
     pub eval_every: Option<u32>,
@@ -127,15 +119,6 @@ impl TrainArgs {
         set(&mut config.train.steps, t.steps);
         set(&mut config.train.seed, t.seed);
         set(&mut config.train.policy, t.policy);
-        for name in &t.without {
-            if let Some(switch) = config.train.components.switch(name) {
-                *switch = false;
-            }
-        }
-        if let Some(background) = t.background {
-            config.train.random_background = background == Background::Random;
-            config.train.background = background.in_images();
-        }
         set(&mut config.train.eval_every, t.eval_every);
         set(&mut config.init, t.init.clone());
         set_some(&mut config.train.max_time_secs, &t.max_time);
@@ -177,7 +160,9 @@ mod tests {
     fn a_profile_resets_settings_of_an_earlier_profile() {
         let fresh = |flags: &str| over(RunConfig::default(), flags).unwrap();
         for first in ["paper", "authors", "cat", "fast"] {
-            let before = fresh(&format!("--profile {first} --without pruning --steps 77 --budget-params 5k"));
+            let before = fresh(&format!(
+                "--profile {first} --set components.pruning=false --steps 77 --budget-params 5k"
+            ));
             assert_ne!(
                 before.train,
                 fresh("--steps 77 --budget-params 5k").train,
@@ -201,8 +186,31 @@ mod tests {
             assert!(error.exit_code() == 2 && error.to_string().contains(part), "{error}");
         };
         refused("--policy cat", "--profile cat");
-        let without = over(RunConfig::default(), "--without growth,pruning").unwrap().train.components;
+        let without =
+            over(RunConfig::default(), "--set components.growth=false --set components.pruning=false")
+                .unwrap()
+                .train
+                .components;
         assert!(!without.growth && !without.pruning && without.splitting);
+    }
+
+    #[test]
+    fn backgrounds_have_names() {
+        let of = |setting: &str| {
+            over(RunConfig::default(), &format!("--set {setting}")).map(|c| c.train.background)
+        };
+        for (setting, colour) in [
+            ("background=white", [1.0; 3]),
+            ("background=#ff0000", [1.0, 0.0, 0.0]),
+            ("background=[0.5,0.5,0.5]", [0.5; 3]),
+            ("background=0.5,0.5,0.5", [0.5; 3]),
+        ] {
+            assert_eq!(of(setting).unwrap(), colour, "{setting}");
+        }
+        for wrong in ["background=mauve", "background=[0, 2, 0]", "background=3"] {
+            assert_eq!(of(wrong).unwrap_err().exit_code(), 2, "{wrong}");
+        }
+        assert!(over(RunConfig::default(), "--set random-background=true").unwrap().capture.keep_alpha);
     }
 
     #[test]
