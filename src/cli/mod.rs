@@ -2,6 +2,7 @@
 //! meaning (`train_job`). No mathematics.
 
 mod asset_args;
+mod batch;
 mod capture_args;
 mod colour_by;
 mod compare;
@@ -62,6 +63,9 @@ use std::process::ExitCode;
 struct Cli {
     #[command(flatten)]
     common: CommonArgs,
+    /// The capture that a process of "litetex train A B C" trains, from 0
+    #[arg(long, hide = true)]
+    nth: Option<usize>,
     #[command(subcommand)]
     command: Command,
 }
@@ -95,7 +99,7 @@ impl Program for Cli {
 
     fn run(self, log: &Log) -> Result<Output> {
         match self.command {
-            Command::Train(args) => train::run(*args, log),
+            Command::Train(args) => train::run(*args, self.nth, log),
             Command::Eval(args) => eval::run(&args, log),
             Command::Render(args) => render::run(&args, log),
             Command::Sample(args) => sample::run(&args, log),

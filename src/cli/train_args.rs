@@ -3,7 +3,9 @@
 use super::capture_args::{CaptureArgs, set, set_some};
 use super::training_values::{View, parse_view};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use litetex_gs::console::values::{parse_count, parse_decibels, parse_duration_secs, parse_whole, whole};
+use litetex_gs::console::values::{
+    parse_count, parse_decibels, parse_duration_secs, parse_shard, parse_whole, whole,
+};
 use litetex_gs::run::{InitSource, Profile, RunConfig};
 use litetex_gs::train::{Policy, policies};
 use litetex_gs::{Error, Result};
@@ -28,9 +30,10 @@ fn profile_parser() -> impl TypedValueParser<Value = Profile> {
 #[derive(clap::Args, Clone, Debug, Default)]
 #[command(args_override_self = true)]
 pub struct TrainArgs {
-    /// Folder of the capture
-    pub capture: Option<PathBuf>,
-    /// Folder of the run
+    /// Folder or ZIP archive of the capture; several are trained one after the other, each in a process of its own
+    #[arg(value_name = "CAPTURE")]
+    pub captures: Vec<PathBuf>,
+    /// Folder of the run; of several captures, the folder of the runs, named after the captures, and of their table
     #[arg(long, short, value_name = "RUN")]
     pub out: Option<PathBuf>,
     /// Replace the run in the folder and the files of --export; other files are kept. With --resume CHECKPOINT in the
@@ -40,10 +43,18 @@ pub struct TrainArgs {
     /// Continue a run from its last checkpoint, or from a given one [default: the run of --out]
     #[arg(long, value_name = "RUN|CHECKPOINT", num_args = 0..=1)]
     pub resume: Option<Option<PathBuf>>,
+    /// Continue the run in the folder if it is unfinished, leave it if it is finished, else start it. The command of a batch may be
+    /// repeated with this until all is done
+    #[arg(long, conflicts_with_all = ["resume", "force"])]
+    pub resume_or_start: bool,
+    /// Train only this part of several captures: 1/3, 2/3 and 3/3 divide them among three machines
+    #[arg(long, value_name = "PART/PARTS", value_parser = parse_shard)]
+    pub shard: Option<(usize, usize)>,
     /// File of settings like a run's config.toml; flags override it, and it overrides the defaults
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
-    /// Also write the trained scene as an asset; several files may follow. "litetex export" has more options
+    /// Also write the trained scene as an asset; several files may follow. {name} stands for the name of the run's folder, {run}
+    /// for its path: pages/{name}.html. "litetex export" has more options
     #[arg(long, value_name = "FILE", num_args = 1..)]
     pub export: Vec<PathBuf>,
     /// Show the model in the browser while it trains, and its result until Ctrl-C; costs 3 % of the time at most. With "=no-open",
@@ -122,8 +133,8 @@ impl TrainArgs {
         set(&mut config.train.eval_every, t.eval_every);
         set(&mut config.init, t.init.clone());
         set_some(&mut config.train.max_time_secs, &t.max_time);
-        if self.capture.is_some() {
-            config.data.clone_from(&self.capture);
+        if let Some(capture) = self.captures.first() {
+            config.data = Some(capture.clone());
         }
         self.capture_args.apply(&mut config.capture);
         for setting in &t.settings {
@@ -207,7 +218,7 @@ mod tests {
         ] {
             assert_eq!(of(setting).unwrap(), colour, "{setting}");
         }
-        for wrong in ["background=mauve", "background=[0, 2, 0]", "background=3"] {
+        for wrong in ["background=mauve", "background=[0,2,0]", "background=3"] {
             assert_eq!(of(wrong).unwrap_err().exit_code(), 2, "{wrong}");
         }
         assert!(over(RunConfig::default(), "--set random-background=true").unwrap().capture.keep_alpha);

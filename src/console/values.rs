@@ -103,6 +103,15 @@ pub fn parse_number(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|x: &f64| x.is_finite()).ok_or_else(|| "expected a number".to_owned())
 }
 
+/// Reads a part of a list such as "2/5", as `(2, 5)`.
+pub fn parse_shard(text: &str) -> Result<(usize, usize), String> {
+    let parts = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
+    match parts {
+        Some((i, n)) if (1..=n).contains(&i) => Ok((i, n)),
+        _ => Err("expected PART/PARTS with PART from 1 to PARTS, for example 1/3".to_owned()),
+    }
+}
+
 /// Size of an image to make.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ImageSize {
@@ -178,6 +187,14 @@ mod tests {
         }
         for (text, found) in [("0.5", Some(0.5)), ("-3", Some(-3.0)), ("inf", None), ("x", None)] {
             assert_eq!(parse_number(text).ok(), found, "{text}");
+        }
+    }
+
+    #[test]
+    fn shards_are_parsed() {
+        assert_eq!([parse_shard("2/3"), parse_shard("1/1")], [Ok((2, 3)), Ok((1, 1))]);
+        for wrong in ["", "0/3", "4/3", "1", "1/0", "a/b", "-1/3", "1/3/3"] {
+            assert!(parse_shard(wrong).is_err(), "{wrong}");
         }
     }
 
