@@ -58,7 +58,8 @@ use std::process::ExitCode;
     version,
     max_term_width = 110,
     after_help = "Start with \"litetex quickstart\". Exit codes: 0 success, 1 failed check, 2 usage error, 3 \
-                  invalid input, 4 unsupported, 5 device or run-time failure, 130 interrupted."
+                  invalid input, 4 unsupported, 5 device or run-time failure, 130 interrupted. docs/troubleshooting.md explains \
+                  warning[NAME] and error[NAME]."
 )]
 struct Cli {
     #[command(flatten)]

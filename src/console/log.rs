@@ -66,13 +66,15 @@ impl Log {
     }
 
     /// Writes what ended the command.
-    pub fn error(&self, message: &str) {
-        self.write("error", &format!("error: {message}"), json!({ "message": message }));
+    pub fn error(&self, error: &crate::Error) {
+        let (kind, message) = (error.kind(), error.to_string());
+        let text = format!("error[{kind}]: {message}");
+        self.write("error", &text, json!({ "code": kind, "message": message }));
     }
 
     /// Writes a problem that does not end the command.
     pub fn warn(&self, code: &str, message: &str, count: usize) {
-        let text = format!("warning: {message}");
+        let text = format!("warning[{code}]: {message}");
         self.write("warning", &text, json!({ "code": code, "message": message, "count": count }));
     }
 

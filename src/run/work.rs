@@ -28,6 +28,23 @@ pub fn work_through<T: Sync, O: Send>(
     work: impl Fn(&T) -> Result<Outcome<O>> + Sync,
     mut take: impl FnMut(O) -> Result<()>,
 ) -> Result<()> {
+    if jobs == 1 {
+        // In order: a result is taken before the next item begins.
+        for item in items {
+            if is_stopped() {
+                break;
+            }
+            match work(item)? {
+                Outcome::GoOn(result) => take(result)?,
+                Outcome::Nothing => {}
+                Outcome::Last(result) => {
+                    take(result)?;
+                    break;
+                }
+            }
+        }
+        return if is_stopped() { Err(Error::Interrupted) } else { Ok(()) };
+    }
     let (next, stop) = (AtomicUsize::new(0), AtomicBool::new(false));
     let (sender, receiver) = mpsc::channel();
     let one_after_another = |sender: mpsc::Sender<Result<O>>| {
