@@ -2,6 +2,7 @@
 //! meaning (`train_job`). No mathematics.
 
 mod asset_args;
+mod batch;
 mod capture_args;
 mod colour_by;
 mod compare;
@@ -58,11 +59,15 @@ use std::process::ExitCode;
     version,
     max_term_width = 110,
     after_help = "Start with \"litetex quickstart\". Exit codes: 0 success, 1 failed check, 2 usage error, 3 \
-                  invalid input, 4 unsupported, 5 device or run-time failure, 130 interrupted."
+                  invalid input, 4 unsupported, 5 device or run-time failure, 130 interrupted. docs/troubleshooting.md explains \
+                  warning[NAME] and error[NAME]."
 )]
 struct Cli {
     #[command(flatten)]
     common: CommonArgs,
+    /// The capture that a process of "litetex train A B C" trains, from 0
+    #[arg(long, hide = true)]
+    nth: Option<usize>,
     #[command(subcommand)]
     command: Command,
 }
@@ -96,7 +101,7 @@ impl Program for Cli {
 
     fn run(self, log: &Log) -> Result<Output> {
         match self.command {
-            Command::Train(args) => train::run(*args, log),
+            Command::Train(args) => train::run(*args, self.nth, log),
             Command::Eval(args) => eval::run(&args, log),
             Command::Render(args) => render::run(&args, log),
             Command::Sample(args) => sample::run(&args, log),

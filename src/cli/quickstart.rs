@@ -48,7 +48,7 @@ pub fn run(args: &QuickstartArgs, log: &Log) -> Result<Output> {
     write_sample(&capture, &SampleOptions::default())?;
     log.info(&format!("2/3 training {} steps, at most {MAX_TIME_SECS:.0} s, on the CPU", args.steps));
     let train_args = TrainArgs {
-        capture: Some(capture.clone()),
+        captures: vec![capture.clone()],
         out: Some(run.clone()),
         force: args.force,
         device: "cpu".to_owned(),

@@ -59,7 +59,7 @@ fn stress_help() -> String {
 fn scene_help() -> String {
     format!(
         "Show a scene whose smallest model is known, instead of the still life, to see what models grow to; test.txt \
-         lists the test photos, for --test-list. The colour around it is #808080, for --background. NAME[:LEVEL], with \
+         lists the test photos, for --test-list. The colour around it is #808080, for --set background=. NAME[:LEVEL], with \
          default levels: {}",
         NeedScene::help()
     )

@@ -7,8 +7,9 @@ use super::session::Session;
 use super::sources::load_scene;
 use super::train_args::TrainArgs;
 use super::train_job::TrainJob;
+use super::train_job::{self, Finished};
 use super::train_summary;
-use super::{export, orphan, outputs};
+use super::{batch, export, orphan, outputs};
 use litetex_gs::backend::Backend;
 use litetex_gs::capture::Capture;
 use litetex_gs::console::{Interrupt, Log, Output, device};
@@ -21,19 +22,32 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Trains and prints the result.
-pub fn run(args: TrainArgs, log: &Log) -> Result<Output> {
+/// Trains and prints the result. `nth` is the capture of a batch that this process trains.
+pub fn run(mut args: TrainArgs, nth: Option<usize>, log: &Log) -> Result<Output> {
     if args.end_with_stdin {
         orphan::end_with_stdin();
     }
+    match nth {
+        Some(index) => {
+            orphan::stop_with_stdin();
+            batch::narrow(&mut args, index)?;
+        }
+        None if batch::is_batch(&args) => return batch::run(&args, log),
+        None => {}
+    }
+    let mut exports = batch::exports_of(&args)?;
+    let finished = finished_run(&args, log)?;
+    if finished.is_some() {
+        exports.retain(|file| !file.exists());
+    }
     let asset = AssetArgs { force: args.force, ..AssetArgs::default() };
     // Before hours of training, not after.
-    outputs::check(None, &args.export, &asset)?;
-    let FinishedRun { summary, run, live } = train_run(&args, log)?;
+    outputs::check(None, &exports, &asset)?;
+    let FinishedRun { summary, run, live } = finished.map_or_else(|| train_run(&args, log), Ok)?;
     let mut output = train_summary::output(&summary);
-    if !args.export.is_empty() {
+    if !exports.is_empty() {
         let (scene, trained) = load_scene(&run, log)?;
-        let exports = export::write_all((scene, trained.as_ref()), &args.export, &asset, &args.device, log)?;
+        let exports = export::write_all((scene, trained.as_ref()), &exports, &asset, &args.device, log)?;
         output = output.with("exports", exports.output());
     }
     let Some(live) = live else { return Ok(output) };
@@ -41,6 +55,23 @@ pub fn run(args: TrainArgs, log: &Log) -> Result<Output> {
     log.print(output)?;
     live.stay(&run, log)?;
     Ok(Output::default())
+}
+
+/// The run that `--resume-or-start` finds finished, if it does.
+fn finished_run(args: &TrainArgs, log: &Log) -> Result<Option<FinishedRun>> {
+    let (Some(out), Some(Finished { summary, changed })) = (&args.out, train_job::finished(args)?) else {
+        return Ok(None);
+    };
+    log.info(&format!("{}: finished already, and left as it is", out.display()));
+    if !changed.is_empty() {
+        let what = format!(
+            "{}: {} differ from the settings of the finished run, which is left as it is; --force replaces it",
+            out.display(),
+            changed.join(", ")
+        );
+        log.warn("finished-with-other-settings", &what, changed.len());
+    }
+    Ok(Some(FinishedRun { summary, run: out.clone(), live: None }))
 }
 
 /// A run that is done.

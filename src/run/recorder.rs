@@ -4,6 +4,7 @@ use super::config::{RunConfig, SaveImages};
 use super::evaluations::StagedFolder;
 use super::folder::RunFolder;
 use super::outlying::ViewLosses;
+use super::summary::INTERRUPTED;
 use super::view_files::{write_per_view, write_view};
 use crate::backend::{RenderedImage, StepReport};
 use crate::eval::Evaluation;
@@ -276,7 +277,7 @@ pub(super) fn reason_name(reason: StopReason) -> &'static str {
     match reason {
         StopReason::Steps => "steps",
         StopReason::Time => "time",
-        StopReason::Consumer => "interrupted",
+        StopReason::Consumer => INTERRUPTED,
     }
 }
 

@@ -5,6 +5,7 @@
 //! texturing), whose values the paper inherits; the configuration that the authors published with their code;
 //! a section of `docs/method.md` ("method 6.1"), which has the measurement; or "not measured".
 
+use super::colour::deserialize_colour;
 use super::density::{Budget, Components, DensityConfig, Policy, RuleSpec};
 use crate::backend::LossWeights;
 use crate::constants::sh_coefficients;
@@ -117,7 +118,8 @@ pub struct TrainConfig {
     pub exposure: Exposure,
     /// Low-pass filter in the image. Default `ewa` (method 2.5; `paper`: none).
     pub filter: Filter,
-    /// Display-space colour behind all splats, 0 to 1. Default black (3DGS).
+    /// Display-space colour behind all splats, 0 to 1; as text, too: white, #rrggbb. Default black (3DGS).
+    #[serde(deserialize_with = "deserialize_colour")]
     pub background: [f32; 3],
     /// Whether every step draws a background of its own, so that transparency in photos with alpha is learnt. Needs a
     /// black `background`, for images. Default off (3DGS).

@@ -4,6 +4,7 @@
 
 mod background;
 pub mod checkpoint;
+mod colour;
 mod config;
 pub mod density;
 mod eta;
