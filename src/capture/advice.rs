@@ -1,22 +1,10 @@
 //! What to do about photos without poses, videos and formats that we do not read: commands of other programs.
 
+use super::photo_files::{CONVERTED, DEPTH_MAX, READ, VIDEOS, has_extension};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
-
-/// Extensions of photos that we read, in lower case.
-const READ: [&str; 5] = ["jpg", "jpeg", "png", "webp", "exr"];
-
-/// Those of photos that have to be converted.
-const CONVERTED: [&str; 5] = ["heic", "heif", "avif", "tif", "tiff"];
-
-/// Extensions of videos, in lower case.
-const VIDEOS: [&str; 12] =
-    ["mp4", "mov", "m4v", "mkv", "avi", "webm", "mts", "m2ts", "3gp", "mpg", "mpeg", "wmv"];
-
-/// Levels of folders in which photos are looked for.
-const DEPTH_MAX: usize = 3;
 
 /// Brands of files in the ISO container (ISO/IEC 14496-12) that hold an image, and the name of their format.
 const BRANDS: [(&[u8; 4], &str); 7] = [
@@ -167,13 +155,8 @@ fn colmap(capture: &Path, photos: &Path) -> String {
     )
 }
 
-fn has_extension(path: &Path, extensions: &[&str]) -> bool {
-    let extension = path.extension().and_then(|e| e.to_str()).map(str::to_lowercase);
-    extension.is_some_and(|e| extensions.contains(&e.as_str()))
-}
-
 /// A path as one word of a POSIX shell; a path that begins like an option gets a folder before it.
-pub(super) fn shell_word(path: &Path) -> String {
+pub(crate) fn shell_word(path: &Path) -> String {
     let mut text = path.display().to_string();
     if text.starts_with('-') {
         text.insert_str(0, "./");

@@ -21,6 +21,7 @@ mod load;
 mod loaded;
 mod options;
 mod overlap;
+pub(crate) mod photo_files;
 mod photos;
 #[cfg(test)]
 mod photos_tests;
@@ -39,6 +40,7 @@ mod warp;
 mod warp_tests;
 mod zipped;
 
+pub(crate) use advice::shell_word;
 pub use decode::read_image;
 pub use formats::ply::read_points as read_ply_points;
 pub use health::SparseHealth;

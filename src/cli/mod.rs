@@ -2,6 +2,7 @@
 //! meaning (`train_job`). No mathematics.
 
 mod asset_args;
+mod capture;
 mod capture_args;
 mod colour_by;
 mod compare;
@@ -71,6 +72,7 @@ enum Command {
     Train(Box<train_args::TrainArgs>),
     Eval(eval::EvalArgs),
     Render(render::RenderArgs),
+    Capture(capture::CaptureArgs),
     Sample(sample::SampleArgs),
     #[command(visible_alias = "convert")]
     Export(Box<export::ExportArgs>),
@@ -98,6 +100,7 @@ impl Program for Cli {
             Command::Train(args) => train::run(*args, log),
             Command::Eval(args) => eval::run(&args, log),
             Command::Render(args) => render::run(&args, log),
+            Command::Capture(args) => capture::run(&args, log),
             Command::Sample(args) => sample::run(&args, log),
             Command::Export(args) => export::run(&args, log),
             Command::Verify(args) => verify::run(&args, log),
