@@ -105,8 +105,10 @@ pub fn exposed(
     let pinhole = &view.pinhole;
     let mut rgb = vec![0; 3 * pinhole.num_pixels()];
     let (rays, samples) = (f64::from(supersampling), supersampling * supersampling);
-    let poses: Vec<RigidTransform> =
-        (0..samples).map(|sample| pose_at((f64::from(sample) + 0.5) / f64::from(samples))).collect();
+    // Neither direction within the pixel goes with time: the motion would seem longer one way than the other.
+    let step = (7 * samples / 9..).find(|step| is_coprime(*step, samples)).unwrap_or(1);
+    let time_of = |sample: u32| (f64::from(sample * step % samples) + 0.5) / f64::from(samples);
+    let poses: Vec<RigidTransform> = (0..samples).map(|sample| pose_at(time_of(sample))).collect();
     rgb.par_chunks_exact_mut(3 * pinhole.width_px as usize).enumerate().for_each(|(y, row)| {
         for (x, pixel) in row.chunks_exact_mut(3).enumerate() {
             let mut sum = DVec3::ZERO;
@@ -122,6 +124,10 @@ pub fn exposed(
         }
     });
     rgb
+}
+
+fn is_coprime(a: u32, b: u32) -> bool {
+    if b == 0 { a == 1 } else { is_coprime(b, a % b) }
 }
 
 /// Photo of a patch with `supersampling`^2 rays per pixel, averaged in display space. `[height, width]`

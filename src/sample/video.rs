@@ -18,8 +18,8 @@ use std::path::Path;
 /// Frames a second.
 const RATE_HZ: u32 = 30;
 
-/// Turn of the camera while a blurred frame is exposed, degrees: 0.8 % of the longer side.
-const SHAKE_DEG: f64 = 0.48;
+/// Turn of the camera while a blurred frame is exposed, degrees: 1 % of the longer side.
+const SHAKE_DEG: f64 = 0.6;
 
 /// Of this many frames, one is sharp.
 const SHARP_EVERY: usize = 3;

@@ -13,7 +13,7 @@ import pycolmap
 
 def leave_with_parent():
     """Ends this process when the one that started it does."""
-    sys.stdin.buffer.read()
+    os.read(0, 1)
     os._exit(3)
 
 

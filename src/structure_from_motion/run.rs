@@ -4,7 +4,7 @@ use super::by_hand::{self, Material};
 use super::child::Observer;
 use super::engine::{Engine, Job, Step, copy_features, largest_model};
 use super::estimate;
-use super::frames;
+use super::frames::{self, Detail};
 use super::input::Input;
 use super::install::{System, advice};
 use super::pairs;
@@ -219,15 +219,18 @@ impl Plan {
         let list = work.path("sharpness.txt");
         if work.begin("sharpness", &key)? != Begun::Done {
             observer.step("looking for sharp frames");
-            let found = video.sharpness(ffmpeg, &work.log("sharpness"), observer)?;
-            let text: String = found.iter().map(|value| format!("{value}\n")).collect();
+            let found = video.details(ffmpeg, &work.log("sharpness"), observer)?;
+            let text: String = found.iter().map(|[a, b, c, d]| format!("{a} {b} {c} {d}\n")).collect();
             atomic_file::write(&list, text.as_bytes())?;
             work.end("sharpness")?;
         }
         let text = std::fs::read_to_string(&list).map_err(|e| Error::io(&list, e))?;
-        let sharpness: Vec<f32> = text.lines().filter_map(|line| line.parse().ok()).collect();
-        let asked = frames::count(video.duration_secs, sharpness.len(), self.settings.frames);
-        let chosen = frames::choose(&sharpness, asked);
+        let detail = |line: &str| {
+            line.split(' ').map(|v| v.parse().ok()).collect::<Option<Vec<f32>>>()?.try_into().ok()
+        };
+        let details: Vec<Detail> = text.lines().filter_map(detail).collect();
+        let asked = frames::count(video.duration_secs, details.len(), self.settings.frames);
+        let chosen = frames::choose(&details, asked);
         let names: Vec<String> = chosen.iter().map(|frame| format!("frame_{frame:05}.jpg")).collect();
         if work.begin("frames", &key)? != Begun::Done {
             observer.step("extracting frames");
@@ -247,7 +250,7 @@ impl Plan {
             work.end("frames")?;
         }
         let camera = Camera { focal_px: None, size: video.size, names: names.clone() };
-        let frames = VideoFrames { looked_at: sharpness.len(), taken: chosen.len() };
+        let frames = VideoFrames { looked_at: details.len(), taken: chosen.len() };
         Ok(Ready { names, cameras: vec![camera], frames: Some(frames), key })
     }
 

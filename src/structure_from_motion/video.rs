@@ -1,7 +1,7 @@
 //! Videos: what ffprobe says of one, and how ffmpeg makes frames of it.
 
 use super::child::{Command, Observer};
-use super::frames;
+use super::frames::{self, Detail};
 use super::tools::Ffmpeg;
 use crate::Result;
 use serde_json::Value;
@@ -134,11 +134,6 @@ impl Video {
         (self.duration_secs * self.rate_hz).round().max(1.0) as usize
     }
 
-    /// When a frame that was looked at is shown, seconds.
-    pub fn secs_of(&self, frame: usize) -> f64 {
-        frame as f64 / self.rate_hz
-    }
-
     /// What is said of it.
     pub fn describe(&self) -> String {
         let hdr = self.hdr.map(|kind| format!(", HDR ({kind}), mapped to SDR")).unwrap_or_default();
@@ -187,18 +182,18 @@ impl Video {
         command.option(name, "passthrough")
     }
 
-    /// The sharpness of each frame.
+    /// The detail of each frame.
     ///
     /// # Errors
     /// As [`Command::run`]; [`Error::InvalidInput`] if there is no frame.
-    pub fn sharpness(&self, ffmpeg: &Ffmpeg, log: &Path, observer: &dyn Observer) -> Result<Vec<f32>> {
+    pub fn details(&self, ffmpeg: &Ffmpeg, log: &Path, observer: &dyn Observer) -> Result<Vec<Detail>> {
         let (width, height) = self.looked_at_size();
         let filters = format!("{},scale={width}:{height}:flags=area,format=gray", self.numbered());
         let command = self.every_frame(self.input(ffmpeg).option("-vf", filters), ffmpeg);
         let command = command.option("-f", "rawvideo").arg("pipe:1");
         let mut found = Vec::new();
         command.run_chunks(log, observer, width as usize * height as usize, |grey| {
-            found.push(frames::sharpness(grey, width as usize));
+            found.push(frames::detail(grey, width as usize));
             observer.progress(found.len(), self.frames().max(found.len()));
         })?;
         if found.is_empty() {
