@@ -282,7 +282,7 @@ fn of_a_video_the_sharp_frames_are_taken_in_order() {
     let taken: Vec<String> = (0..10).map(|n| format!("frame_{:05}.jpg", 3 * n + 1)).collect();
     assert_eq!(names(&place.path("out folder/images")), taken);
     let calls = place.calls();
-    assert!(calls.contains(r"eq(n\,1)+eq(n\,4)+") && calls.contains("-fps_mode passthrough"), "{calls}");
+    assert!(calls.contains(r"(eq(n\,1)+eq(n\,4))+") && calls.contains("-fps_mode passthrough"), "{calls}");
     assert!(text.contains("3 of 10 photos have poses (30 %): try --poses full"), "{text}");
 
     // ffmpeg writes fewer than it was asked for.

@@ -1,7 +1,7 @@
 //! What finds the poses: pycolmap through a script of ours, or the program COLMAP. Both write the same files.
 
+use super::camera::Camera;
 use super::child::Command;
-use super::photos::Camera;
 use super::settings::PoseQuality;
 use super::work_folder::{WorkFolder, remove};
 use crate::{Error, Result, atomic_file};

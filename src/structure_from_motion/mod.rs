@@ -6,6 +6,7 @@
 //! folders `images` and `sparse/0` appear only when they are complete.
 
 mod by_hand;
+mod camera;
 mod child;
 mod engine;
 mod estimate;

@@ -1,5 +1,6 @@
 //! Photos as COLMAP and training read them: upright JPEG or PNG files. EXIF data come from the originals.
 
+use super::camera::Camera;
 use super::child::{Command, Observer};
 use super::exif::Exif;
 use super::heif;
@@ -40,15 +41,6 @@ pub struct Photo {
     pub size: (u32, u32),
     exif: Exif,
     way: Way,
-}
-
-/// Photos of one camera, with one lens and size.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Camera {
-    /// Focal length, pixels, if the EXIF data say it.
-    pub focal_px: Option<f64>,
-    pub size: (u32, u32),
-    pub names: Vec<String>,
 }
 
 impl Photo {

@@ -1,6 +1,7 @@
 //! From what the user named to a capture, step by step.
 
 use super::by_hand::{self, Material};
+use super::camera::Camera;
 use super::child::Observer;
 use super::engine::{Engine, Job, Step, copy_features, largest_model};
 use super::estimate;
@@ -8,7 +9,7 @@ use super::frames::{self, Detail};
 use super::input::Input;
 use super::install::{System, advice};
 use super::pairs;
-use super::photos::{Camera, Photo, cameras};
+use super::photos::{Photo, cameras};
 use super::settings::Settings;
 use super::tools::Tools;
 use super::video::Video;

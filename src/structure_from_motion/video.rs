@@ -204,8 +204,7 @@ impl Video {
 
     /// Writes these frames, in order, as `00001.jpg` and so on.
     pub fn extraction(&self, ffmpeg: &Ffmpeg, chosen: &[usize], folder: &Path) -> Command {
-        let terms: Vec<String> = chosen.iter().map(|frame| format!("eq(n\\,{frame})")).collect();
-        let filters = format!("{},select={},{}", self.numbered(), terms.join("+"), self.shaped());
+        let filters = format!("{},select={},{}", self.numbered(), any_of(chosen), self.shaped());
         let command = self.every_frame(self.input(ffmpeg).option("-vf", filters), ffmpeg);
         command.option("-q:v", "2").arg(folder.join("%05d.jpg"))
     }
@@ -214,6 +213,18 @@ impl Video {
     pub fn even_extraction(&self, ffmpeg: &Ffmpeg, count: usize, folder: &Path) -> Command {
         let filters = format!("fps={:.3},{}", count as f64 / self.duration_secs, self.shaped());
         self.input(ffmpeg).option("-vf", filters).option("-q:v", "2").arg(folder.join("frame_%05d.jpg"))
+    }
+}
+
+/// An expression that is not zero for these frames. Sums of sums: ffmpeg allows expressions a depth of 100.
+fn any_of(frames: &[usize]) -> String {
+    match frames {
+        [] => "0".to_owned(),
+        [frame] => format!("eq(n\\,{frame})"),
+        _ => {
+            let (first, rest) = frames.split_at(frames.len() / 2);
+            format!("({}+{})", any_of(first), any_of(rest))
+        }
     }
 }
 
