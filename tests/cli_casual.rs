@@ -131,7 +131,7 @@ fn photos_without_poses_and_videos_are_refused_with_what_to_do() {
     ] {
         let (code, text) = refused(dir.path(), &["train", source, "-o", "run"]);
         assert!([3, 4].contains(&code) && text.contains(command), "{source}: {text}");
-        assert_eq!(text.contains("litetex train"), source != "x.zip", "{source}: {text}");
+        assert_eq!(text.contains("\n  litetex train "), source != "x.zip", "{source}: {text}");
     }
 }
 
