@@ -29,6 +29,7 @@ mod report;
 pub mod run;
 pub mod sample;
 pub mod selftest;
+pub mod structure_from_motion;
 pub mod text;
 pub mod train;
 pub mod verify;

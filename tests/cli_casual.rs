@@ -123,15 +123,15 @@ fn photos_without_poses_and_videos_are_refused_with_what_to_do() {
     archive.start_file("photos/1.jpg", zip::write::SimpleFileOptions::default()).unwrap();
     archive.finish().unwrap();
     for (source, command) in [
-        (".", "magick mogrify -path"),
-        ("a.HEIC", "magick mogrify -path"),
-        ("clip.mp4", "ffmpeg -i"),
-        ("videos", "ffmpeg -i"),
+        (".", "litetex capture"),
+        ("a.HEIC", "litetex capture"),
+        ("clip.mp4", "litetex capture"),
+        ("videos", "litetex capture"),
         ("x.zip", "unpack it"),
     ] {
         let (code, text) = refused(dir.path(), &["train", source, "-o", "run"]);
         assert!([3, 4].contains(&code) && text.contains(command), "{source}: {text}");
-        assert_eq!(text.contains("mkdir"), source != "x.zip", "{source}: {text}");
+        assert_eq!(text.contains("\n  litetex train "), source != "x.zip", "{source}: {text}");
     }
 }
 

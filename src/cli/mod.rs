@@ -3,6 +3,7 @@
 
 mod asset_args;
 mod batch;
+mod capture;
 mod capture_args;
 mod colour_by;
 mod compare;
@@ -77,6 +78,7 @@ enum Command {
     Train(Box<train_args::TrainArgs>),
     Eval(eval::EvalArgs),
     Render(render::RenderArgs),
+    Capture(capture::CaptureArgs),
     Sample(sample::SampleArgs),
     #[command(visible_alias = "convert")]
     Export(Box<export::ExportArgs>),
@@ -104,6 +106,7 @@ impl Program for Cli {
             Command::Train(args) => train::run(*args, self.nth, log),
             Command::Eval(args) => eval::run(&args, log),
             Command::Render(args) => render::run(&args, log),
+            Command::Capture(args) => capture::run(&args, log),
             Command::Sample(args) => sample::run(&args, log),
             Command::Export(args) => export::run(&args, log),
             Command::Verify(args) => verify::run(&args, log),
