@@ -13,7 +13,9 @@ mod recorder;
 #[cfg(test)]
 mod recorder_tests;
 mod resource_estimate;
+mod step_trial;
 mod summary;
+mod time_plan;
 mod trained;
 mod view_files;
 
@@ -28,8 +30,10 @@ pub use init_source::InitSource;
 pub use profile::Profile;
 pub use recorder::Recorder;
 pub use resource_estimate::{ResourceEstimate, Resources, Workload};
+pub use step_trial::{Trial, measure};
 pub use summary::{
     CaptureFigures, DiskBytes, EndOfGrowth, Fps, GrowthFigures, Resumed, Size, Summary, TestFigures, Times,
 };
+pub use time_plan::{Plan, Situation};
 pub use trained::{Trained, config_of, render_options};
 pub use view_files::{image_name, write_per_view, write_view};
