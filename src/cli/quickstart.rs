@@ -72,7 +72,7 @@ pub fn run(args: &QuickstartArgs, log: &Log) -> Result<Output> {
          litetex inspect {run}\n  \
          litetex verify {out_folder}/still-life.ltgs --against {run}\n  \
          litetex train {capture} -o runs/untextured --policy plain --steps {}\n  \
-         litetex train <your COLMAP or nerfstudio folder> -o runs/mine --max-resolution 480 --steps 1000\n  \
+         litetex train <your COLMAP or nerfstudio folder> -o runs/mine --time 10m\n  \
          litetex view {run}\n",
         summary.steps, summary.steps_planned
     ));

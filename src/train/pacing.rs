@@ -37,14 +37,32 @@ pub fn is_due(schedule: &Schedule, before: u32, step: u32) -> bool {
     passes && step < schedule.last_step && (grows || schedule.is_pruned(step))
 }
 
-/// The step at which the run should end so that its rest takes `secs`.
-pub fn last_step(schedule: &Schedule, step: u32, remaining: &Remaining, secs: f64) -> u32 {
-    let left = f64::from(schedule.last_step - step);
-    let per_step = remaining.steps_secs / left;
+/// Whether no decision is left after the one that followed step `before` (0: none was made).
+pub fn all_decided(schedule: &Schedule, before: u32) -> bool {
+    MILESTONES.iter().all(|&share| share <= schedule.share(before))
+}
+
+/// Steps left that take `secs` with all else, within what may be decided.
+fn steps_left(schedule: &Schedule, step: u32, remaining: &Remaining, secs: f64) -> f64 {
+    let per_step = remaining.steps_secs / f64::from(schedule.last_step - step).max(1.0);
     let affordable = (secs - remaining.other_secs()) / per_step.max(f64::MIN_POSITIVE);
     let original = schedule.original_steps_left(step);
     let [least, most] = if schedule.prunes_by(step) { PRUNED } else { GROWING };
-    let steps = affordable.clamp(least * original, most * original).round().max(1.0);
+    affordable.clamp(least * original, most * original)
+}
+
+/// What the rest takes if it is decided now, to take `secs`.
+pub fn eta_secs(schedule: &Schedule, step: u32, remaining: &Remaining, secs: f64) -> f64 {
+    let left = f64::from(schedule.last_step - step);
+    if left == 0.0 {
+        return remaining.secs();
+    }
+    remaining.other_secs() + remaining.steps_secs / left * steps_left(schedule, step, remaining, secs)
+}
+
+/// The step at which the run should end so that its rest takes `secs`.
+pub fn last_step(schedule: &Schedule, step: u32, remaining: &Remaining, secs: f64) -> u32 {
+    let steps = steps_left(schedule, step, remaining, secs).round().max(1.0);
     let bound = MOST_STEPS.max(schedule.last_step);
     (f64::from(step) + steps).min(f64::from(bound)) as u32
 }

@@ -273,6 +273,18 @@ impl Trainer<'_> {
         sink(TrainEvent::Planned { step, last_step, remaining: self.remaining() })
     }
 
+    /// ETA. While a decision is to come, the length is not what it will be, and the deadline tells more.
+    fn eta_secs(&self) -> f64 {
+        let left = self.remaining();
+        let last_decided = pacing::all_decided(&self.schedule, self.decided_at());
+        match self.timing.deadline_secs.filter(|_| !last_decided) {
+            Some(deadline_secs) => {
+                pacing::eta_secs(&self.schedule, self.state.step, &left, deadline_secs - (self.timing.now)())
+            }
+            None => left.secs(),
+        }
+    }
+
     /// What the rest of the run will take.
     fn remaining(&self) -> Remaining {
         let scale = |step| self.stage_at(step).render_scale;
@@ -519,7 +531,7 @@ impl Trainer<'_> {
         [wall_secs, cpu_secs]: [f64; 2],
         sink: Sink<'_>,
     ) -> Result<Control> {
-        let remaining_secs = self.remaining().secs();
+        let remaining_secs = self.eta_secs();
         let history = &mut self.state.history;
         let (wall_before, cpu_before) = (history.train_wall_secs, history.train_cpu_secs);
         history.train_wall_secs += wall_secs;
