@@ -82,7 +82,7 @@ fn usage_errors_exit_with_2_and_say_what_to_do() {
         (&["train", here, "-o", "x", "--texture", "fixed:1"], "fixed:R"),
         (&["train", here, "-o", "x", "--set", "sh-degree=4"], "train.sh-degree: found 4"),
         (&["train", here, "-o", "x", "--steps", "0"], "--steps"),
-        (&["train", here, "-o", "x", "--max-time", "soon"], "20m"),
+        (&["train", here, "-o", "x", "--time", "soon"], "20m"),
         (&["train", here, "-o", "x", "--set", "background=mauve"], "#rrggbb"),
         (&["train", here, "-o", "x", "--init", "magic"], "random:COUNT"),
         (&["train", here, "-o", "x", "--init", "random:10000001"], "10,000,000"),

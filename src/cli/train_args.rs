@@ -87,9 +87,11 @@ pub struct TrainingArgs {
     /// Number of steps; all schedules scale with it [default: 30000]
     #[arg(long, visible_alias = "iterations", value_name = "N", value_parser = whole::<u32>(1..=u64::MAX))]
     pub steps: Option<u32>,
-    /// Stop early after this much training time: 90s, 20m, 1h30m [default: no limit]
-    #[arg(long, value_name = "TIME", value_parser = parse_duration_secs)]
-    pub max_time: Option<f64>,
+    /// Time from start to exit, --export not counted: 90s, 20m, 1h30m. Steps and image size are chosen for this device; the
+    /// run's config.toml repeats them without a clock [default, without --steps, --config and a published profile: 15m
+    /// without a GPU, 5m with one]
+    #[arg(long, value_name = "TIME", value_parser = parse_duration_secs, conflicts_with_all = ["steps", "config"])]
+    pub time: Option<f64>,
     /// Seed of all random numbers [default: 42]
     #[arg(long, value_name = "N", value_parser = parse_whole::<u64>)]
     pub seed: Option<u64>,
@@ -118,6 +120,14 @@ pub struct TrainingArgs {
 }
 
 impl TrainArgs {
+    /// Whether nothing says how long the training should be.
+    pub fn says_no_length(&self) -> bool {
+        let t = &self.training;
+        let is_usual = t.profile.is_none_or(|profile| profile == Profile::Default);
+        let sets_steps = t.settings.iter().any(|setting| setting.trim_start().starts_with("steps"));
+        t.steps.is_none() && t.time.is_none() && self.config.is_none() && is_usual && !sets_steps
+    }
+
     /// Overwrites the settings of `config` whose flags were given.
     ///
     /// # Errors
@@ -136,11 +146,16 @@ impl TrainArgs {
             config.train.density.prune_db = need;
         }
         set_some(&mut config.train.budget.max_params, &t.budget_params);
-        set(&mut config.train.steps, t.steps);
+        if let Some(steps) = t.steps {
+            // A number of steps is a plan of its own.
+            config.train.steps = steps;
+            config.train.plan.clear();
+            config.time_secs = None;
+        }
+        set_some(&mut config.time_secs, &t.time);
         set(&mut config.train.seed, t.seed);
         set(&mut config.train.policy, t.policy);
         set(&mut config.init, t.init.clone());
-        set_some(&mut config.train.max_time_secs, &t.max_time);
         if let Some(capture) = self.captures.first() {
             config.data = Some(capture.clone());
         }
@@ -181,7 +196,7 @@ mod tests {
     #[test]
     fn a_profile_resets_settings_of_an_earlier_profile() {
         let fresh = |flags: &str| over(RunConfig::default(), flags).unwrap();
-        for first in ["paper", "authors", "cat", "fast"] {
+        for first in ["paper", "authors", "cat"] {
             let before = fresh(&format!(
                 "--profile {first} --set components.pruning=false --steps 77 --budget-params 5k"
             ));

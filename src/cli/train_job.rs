@@ -22,6 +22,8 @@ pub struct TrainJob {
     pub force: bool,
     pub device: String,
     pub resume: Option<Resume>,
+    /// Whether nothing says how long it should be, so that the device decides.
+    pub is_free: bool,
     /// The lock of the folder, taken as soon as it is known to hold a run.
     lock: Option<RunLock>,
 }
@@ -76,7 +78,8 @@ impl TrainJob {
             check_apart(resume.as_ref(), &out)?;
             RunFolder::check_free(&out, force)?;
         }
-        Ok(Self { config, out, force, device: args.device.clone(), resume, lock })
+        let is_free = resume.is_none() && args.says_no_length();
+        Ok(Self { is_free, config, out, force, device: args.device.clone(), resume, lock })
     }
 
     /// Makes or opens the folder of the run, after which the run of an earlier training may be gone.
@@ -122,10 +125,10 @@ impl Resume {
                 "{name}: a resumed run keeps the value of its checkpoint; start a new run to change it"
             ));
         }
-        if self.state.step > config.train.steps {
+        if self.state.step > config.train.last_step() {
             return Err(usage!(
                 "--steps {}: the checkpoint is already at step {}",
-                config.train.steps,
+                config.train.last_step(),
                 self.state.step
             ));
         }
@@ -216,6 +219,7 @@ fn resolve_config(args: &TrainArgs, before: Option<&RunConfig>) -> Result<RunCon
     let mut config = match (&args.config, before) {
         (Some(file), before) => {
             let mut config = RunConfig::read(file)?;
+            config.time_secs = None;
             if let (None, Some(before)) = (&config.data, before) {
                 config.data.clone_from(&before.data);
             }

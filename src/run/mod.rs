@@ -18,7 +18,9 @@ mod recorder;
 mod recorder_tests;
 mod resource_estimate;
 mod scale;
+mod step_trial;
 mod summary;
+mod time_plan;
 mod trained;
 mod view_files;
 mod work;
@@ -39,9 +41,11 @@ pub use purpose::Purpose;
 pub use recorder::Recorder;
 pub use resource_estimate::{ResourceEstimate, Resources, Workload};
 pub use scale::Scale;
+pub use step_trial::{Trial, measure};
 pub use summary::{
     CaptureFigures, DiskBytes, EndOfGrowth, Fps, GrowthFigures, Resumed, Size, Summary, TestFigures, Times,
 };
+pub use time_plan::{Plan, Situation};
 pub use trained::{Trained, config_of, render_options};
 pub use view_files::{image_name, write_per_view, write_view};
 pub use work::{Outcome, work_through};

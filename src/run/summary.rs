@@ -55,7 +55,7 @@ pub struct Summary {
     pub outlying_views: Vec<String>,
     /// Number of splats by the longer side of their map: none, 2, up to 4, 8, ... 256 texels.
     pub map_sides: Vec<usize>,
-    /// `steps`, `time` or `interrupted`.
+    /// `steps` or `interrupted`.
     pub stopped_by: String,
     /// Figures of the last evaluation; null without test views.
     pub quality: Option<TestFigures>,

@@ -163,7 +163,7 @@ mod tests {
         for name in ["litetex", "plain", "none", "fixed:4"] {
             assert_eq!(litetex.flag_of(name), Some("--policy"), "{name}");
         }
-        for name in ["paper", "cat", "fast"] {
+        for name in ["paper", "cat", "authors"] {
             assert_eq!(litetex.flag_of(name), Some("--profile"), "{name}");
         }
         for name in ["default", "fixed:1", "Plain", "no growth"] {
