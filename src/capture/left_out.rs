@@ -1,7 +1,7 @@
 //! Parts of a pose file that make no sense: a few are left out by name, many are an error.
 
-use super::source::{MAX_COORDINATE, Source, first_of};
-use crate::views::SfmPoint;
+use super::source::{MAX_COORDINATE, Source, UnusedView, Why, first_of};
+use crate::views::{SfmPoint, Split};
 use crate::{Report, Result};
 use std::path::Path;
 
@@ -14,6 +14,7 @@ pub(crate) struct LeftOut {
     /// The problem of the first, and the names of all.
     problem: String,
     names: Vec<String>,
+    views: Vec<UnusedView>,
 }
 
 impl LeftOut {
@@ -23,6 +24,23 @@ impl LeftOut {
             self.problem = problem.into();
         }
         self.names.push(name);
+    }
+
+    /// Leaves a view out; `element` names it as its file does.
+    pub fn push_view(&mut self, element: String, name: &str, problem: impl Into<String>) {
+        self.push_split_view(element, name, problem, None);
+    }
+
+    /// The same, with the side of the split that the files state.
+    pub fn push_split_view(
+        &mut self,
+        element: String,
+        name: &str,
+        problem: impl Into<String>,
+        split: Option<Split>,
+    ) {
+        self.push(element, problem);
+        self.views.push(UnusedView { name: name.to_owned(), why: Why::Broken, split });
     }
 
     /// Number of parts.
@@ -39,6 +57,15 @@ impl LeftOut {
                 format!("{first}: {}; also {}", self.problem, first_of(others.iter().cloned()))
             }
         }
+    }
+
+    /// As [`Self::finish`], for views of a capture.
+    ///
+    /// # Errors
+    /// As [`Self::finish`].
+    pub fn finish_views(mut self, path: &Path, total: usize, source: &mut Source) -> Result<()> {
+        source.unused.append(&mut self.views);
+        self.finish(path, "views", total, &mut source.report)
     }
 
     /// Warns of the parts that were left out of `total`, if any; `noun` is what they are ("views").
@@ -68,22 +95,17 @@ impl LeftOut {
     }
 }
 
+fn is_place(point: &SfmPoint) -> bool {
+    let p = point.position_in_capture;
+    p.is_finite() && p.abs().max_element() <= MAX_COORDINATE
+}
+
 /// Leaves out points without a position.
 ///
 /// # Errors
 /// [`crate::Error::InvalidInput`] if they are more than a tenth of all.
 pub(crate) fn points(source: &mut Source, report: &mut Report) -> Result<()> {
-    let is_place = |point: &SfmPoint| {
-        let p = point.position_in_capture;
-        p.is_finite() && p.abs().max_element() <= MAX_COORDINATE
-    };
-    let mut left_out = LeftOut::default();
-    for (index, point) in source.points.iter().enumerate() {
-        if !is_place(point) {
-            let position = point.position_in_capture.to_array();
-            left_out.push(format!("number {}", index + 1), format!("its position is {position:?}"));
-        }
-    }
+    let left_out = broken_points(&source.points);
     if left_out.count() == 0 {
         return Ok(());
     }
@@ -91,6 +113,24 @@ pub(crate) fn points(source: &mut Source, report: &mut Report) -> Result<()> {
     left_out.finish(&path, "points", source.points.len(), report)?;
     source.retain_points(is_place);
     Ok(())
+}
+
+/// The points as they are, unless too many of them have no position.
+///
+/// # Errors
+/// [`crate::Error::InvalidInput`] if they are more than a tenth of all.
+pub(crate) fn checked_points(path: &Path, points: Vec<SfmPoint>) -> Result<Vec<SfmPoint>> {
+    broken_points(&points).finish(path, "points", points.len(), &mut Report::default())?;
+    Ok(points)
+}
+
+fn broken_points(points: &[SfmPoint]) -> LeftOut {
+    let mut left_out = LeftOut::default();
+    for (index, point) in points.iter().enumerate().filter(|(_, point)| !is_place(point)) {
+        let position = point.position_in_capture.to_array();
+        left_out.push(format!("number {}", index + 1), format!("its position is {position:?}"));
+    }
+    left_out
 }
 
 #[cfg(test)]

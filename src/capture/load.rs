@@ -3,11 +3,12 @@
 
 use super::decode::Recipe;
 use super::folder::{CaptureFolder, PhotoFolder, is_inside, is_there};
+use super::health::PhotosOnDisk;
 use super::loaded::{Capture, View};
 use super::options::{CaptureFormat, ExifTurn, LoadOptions};
 use super::photos::{bounded, fit, photo_header, swaps_sides, turn_is_open};
 use super::pose_format::Found;
-use super::source::{Source, SourceView, first_names, first_paths};
+use super::source::{Source, SourceView, UnusedView, Why, first_names, first_paths};
 use super::store::ImageStore;
 use super::zipped::Unpacked;
 use super::{
@@ -19,6 +20,7 @@ use crate::views::Split;
 use crate::{Error, Report, Result};
 use litetex_exporters::unknown_kind;
 use rayon::prelude::*;
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 /// What to do with an archive of photos without poses: commands need a folder.
@@ -74,7 +76,7 @@ fn load_folder(path: &Path, options: &LoadOptions, archive: Option<&Unpacked>) -
     let folder = CaptureFolder::new(&found.root, options.images.as_deref(), archive.is_some())?;
     let mut source = (found.read)(&folder)?;
     report.merge(std::mem::take(&mut source.report));
-    if source.views.is_empty() && source.without_photo.is_empty() {
+    if source.num_posed() == 0 {
         return Err(Error::invalid(
             &source.path,
             "no registered images; the reconstruction failed: run it again with more overlap",
@@ -88,14 +90,17 @@ fn load_folder(path: &Path, options: &LoadOptions, archive: Option<&Unpacked>) -
     let near = frame::near(&source, capture_from_local.scale);
     sort_by_name(&mut source)?;
     let photos = photo_folder(&folder, &source)?;
-    let health = format
-        .entry()
-        .has_observations
-        .then(|| health::check(&source, capture_from_local.scale, photos.count(), &mut report));
+    let health = match format.entry().has_observations {
+        true => {
+            let seen = PhotosOnDisk { present: photos.count(), posed: count_posed(&photos, &source)? };
+            Some(health::check(&source, capture_from_local.scale, &seen, &mut report))
+        }
+        false => None,
+    };
     find_photos(&mut source, &photos, &mut report)?;
     let masks = find_masks(&folder, &mut source, options, &mut report)?;
     warn_of_files_outside(&folder.root, &source, &[Some(photos), masks], &mut report);
-    let (splits, split_by) = split::assign(&source.views, source.split_by.as_deref(), options)?;
+    let (splits, split_by) = split::assign(&source, options, &mut report)?;
     if !splits.contains(&Split::Train) {
         return Err(invalid!(
             &source.path,
@@ -229,7 +234,8 @@ fn photo_folder(folder: &CaptureFolder, source: &Source) -> Result<PhotoFolder> 
             return Ok(beside);
         }
     }
-    let example = source.views.first().map(|v| &v.name).or(source.without_photo.first());
+    let missing = source.unused.iter().find(|v| v.why == Why::NoPhoto);
+    let example = source.views.first().map(|v| &v.name).or(missing.map(|v| &v.name));
     Err(invalid!(
         images,
         "no folder of photos; expected photos such as {} there: name the folder with --images",
@@ -237,20 +243,36 @@ fn photo_folder(folder: &CaptureFolder, source: &Source) -> Result<PhotoFolder> 
     ))
 }
 
+/// Number of photos that have a pose, whether their views are used or not.
+fn count_posed(folder: &PhotoFolder, source: &Source) -> Result<usize> {
+    let mut posed = HashSet::new();
+    for view in &source.views {
+        posed.extend(match &view.photo {
+            Some(photo) => Some(photo.clone()),
+            None => folder.find(&view.name)?,
+        });
+    }
+    for view in source.unused.iter().filter(|v| v.why != Why::NoPose) {
+        posed.extend(folder.find(&view.name)?);
+    }
+    Ok(posed.len())
+}
+
 /// Gives every view its photo; views without one are left out and counted.
 fn find_photos(source: &mut Source, folder: &PhotoFolder, report: &mut Report) -> Result<()> {
-    let mut missing = std::mem::take(&mut source.without_photo);
     for view in &mut source.views {
         if view.photo.is_none() {
             view.photo = folder.find(&view.name)?;
         }
         if view.photo.is_none() {
-            missing.push(view.name.clone());
+            let missing = UnusedView { name: view.name.clone(), why: Why::NoPhoto, split: view.split };
+            source.unused.push(missing);
         }
     }
     source.views.retain(|v| v.photo.is_some());
+    let missing = source.names_unused(Why::NoPhoto);
     let total = source.views.len() + missing.len();
-    let names = first_names(missing.iter().map(String::as_str));
+    let names = first_names(missing.iter().copied());
     if source.views.len() < 2 {
         return Err(Error::invalid(
             folder.path(),

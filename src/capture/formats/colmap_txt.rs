@@ -3,9 +3,9 @@
 
 use super::bytes::read_text;
 use super::colmap_model::{ColmapCamera, ColmapImage, ColmapModel, ColmapPoint};
-use super::numbers;
 use crate::text::quoted;
 use crate::{Error, Result};
+use litetex_exporters::parse_number;
 use std::path::Path;
 use std::str::FromStr;
 
@@ -39,7 +39,7 @@ impl<'a> Fields<'a> {
 
     /// The next number, which may be NaN or infinite.
     fn number(&mut self, what: &str) -> Result<f64> {
-        self.parsed(what, numbers::parse)
+        self.parsed(what, parse_number)
     }
 
     fn parsed<T>(&mut self, what: &str, parse: impl Fn(&str) -> Option<T>) -> Result<T> {
@@ -78,7 +78,7 @@ pub(crate) fn read_cameras(path: &Path) -> Result<Vec<ColmapCamera>> {
         let height = fields.next("a height")?;
         let mut params = Vec::with_capacity(model.num_params);
         while let Some(word) = fields.word() {
-            let value = numbers::parse(word);
+            let value = parse_number(word);
             params.push(value.ok_or_else(|| fields.invalid(format!("{} is not a number", quoted(word))))?);
         }
         if params.len() != model.num_params {
@@ -101,8 +101,8 @@ fn keypoints(line: &str) -> Option<Vec<u64>> {
     }
     let mut point_ids = Vec::new();
     for triple in words.chunks_exact(3) {
-        numbers::parse(triple[0])?;
-        numbers::parse(triple[1])?;
+        parse_number(triple[0])?;
+        parse_number(triple[1])?;
         if triple[2].parse::<i64>().ok()? >= 0 {
             point_ids.push(triple[2].parse().ok()?);
         }

@@ -2,17 +2,19 @@
 //! use it; everything beyond the files is decided elsewhere.
 
 mod axes;
+mod by_name;
 pub(crate) mod bytes;
 mod colmap;
 mod colmap_bin;
 mod colmap_model;
 mod colmap_txt;
+mod film;
+mod frame_uses;
 mod json;
 mod listed_split;
 mod lookup;
 mod metashape;
 mod metashape_lens;
-mod numbers;
 pub(crate) mod ply;
 mod polycam;
 mod reality_capture;
@@ -20,6 +22,7 @@ mod reality_xmp;
 mod record3d;
 mod scannetpp;
 mod transforms;
+mod transforms_lens;
 mod unused;
 mod xml;
 
