@@ -29,6 +29,9 @@ fn find(path: &Path, report: &mut Report) -> Option<Found> {
     Some(Found { root: capture_root(path), read: Box::new(move |_| read(&model)) })
 }
 
+/// The model that the converter of 3D Gaussian splatting starts from.
+const DISTORTED: &str = "distorted/sparse";
+
 /// Where other programs put the sparse model of a capture: COLMAP's dense reconstruction, the converter of 3D Gaussian
 /// splatting, and names that people choose. Each is looked at only if there are no poses in the usual places, in this order:
 /// the undistorted models first.
@@ -36,7 +39,7 @@ const PLACES: [&str; 8] = [
     "dense/sparse",
     "dense/0/sparse",
     "undistorted/sparse",
-    "distorted/sparse",
+    DISTORTED,
     "colmap",
     "colmap/dense/sparse",
     "colmap/dense/0/sparse",
@@ -56,14 +59,17 @@ pub(crate) fn find_elsewhere(path: &Path, report: &mut Report) -> Option<Found> 
     let root = if beside.join("images").is_dir() { beside } else { path.to_owned() };
     Some(Found {
         root,
-        read: Box::new(move |folder| read(&model).map(|source| with_originals(source, folder))),
+        // Only the capture's own folder says so: the path to it may hold any name.
+        read: Box::new(move |folder| match place == DISTORTED {
+            true => read(&model).map(|source| with_originals(source, folder)),
+            false => read(&model),
+        }),
     })
 }
 
 /// The converter of 3D Gaussian splatting keeps the photos of the distorted model in `input`.
 fn with_originals(mut source: Source, folder: &CaptureFolder) -> Source {
-    let is_distorted = source.path.components().any(|part| part.as_os_str() == "distorted");
-    if is_distorted && folder.images.is_none() {
+    if folder.images.is_none() {
         let originals = folder.photos("input");
         for view in &mut source.views {
             // A name that leads out of an archive is refused where all photos are looked for.
@@ -210,11 +216,15 @@ fn read(folder: &Path) -> Result<Source> {
         match view(image, &lenses, &point_index, &mut lost) {
             Ok(view) => views.push(view),
             Err(problem) => {
-                left_out.push(format!("image {} ({})", image.id, quoted(&image.name)), problem);
+                let element = format!("image {} ({})", image.id, quoted(&image.name));
+                left_out.push_view(element, &image.name.replace('\\', "/"), problem);
             }
         }
     }
-    left_out.finish(folder, "views", sparse.images.len(), &mut report)?;
+    let mut source = Source::at(folder);
+    std::mem::swap(&mut source.report, &mut report);
+    left_out.finish_views(folder, sparse.images.len(), &mut source)?;
+    std::mem::swap(&mut source.report, &mut report);
     if lost > 0 && !sparse.points.is_empty() {
         let what =
             format!("{}: {lost} observations refer to points that are not in the model", folder.display());
@@ -232,7 +242,7 @@ fn read(folder: &Path) -> Result<Source> {
             .collect(),
         reprojection_error_px: (count > 0).then(|| sum / f64::from(count)),
         report,
-        ..Source::at(folder)
+        ..source
     })
 }
 

@@ -88,7 +88,8 @@ fn field_at_fault<'a, T: de::DeserializeOwned>(value: &'a Value, problem: &str) 
     fields.keys().find(|field| {
         let mut rest = fields.clone();
         rest.remove(*field);
-        T::deserialize(Value::Object(rest)).err().is_none_or(|e| e.to_string() != problem)
+        let other = T::deserialize(Value::Object(rest)).err().map(|e| e.to_string());
+        other.is_none_or(|other| other != problem && !other.starts_with("missing field"))
     })
 }
 
