@@ -1,7 +1,7 @@
 //! Which views are held out.
 
-use super::folder::{plain, without_extension};
 use super::options::LoadOptions;
+use super::paths::{plain, without_extension};
 use super::source::{Source, SourceView, UnusedView, first_names, first_of};
 use crate::text::{counted, path, quoted};
 use crate::views::Split;

@@ -1,6 +1,6 @@
 //! Frames by the names that lists give them.
 
-use crate::capture::folder::{plain, without_extension};
+use crate::capture::paths::{plain, without_extension};
 use std::collections::HashMap;
 
 /// Frames by all names that a list may call them: the stored path and its ends, with and without extension.

@@ -10,7 +10,7 @@
 
 use super::axes::{from_opencv, from_rows};
 use super::json::{self, Number, Part};
-use super::lookup::{require_photos, stems};
+use super::lookup::require_photos;
 use super::transforms::{self, Folders};
 use super::unused;
 use crate::camera::Pinhole;
@@ -84,8 +84,8 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
     let frames: BTreeMap<String, Part<Frame>> = json::read(path, "the poses of ScanNet++'s iPhone")?;
     let photos = folder.images.clone().unwrap_or_else(|| folder.photos("rgb"));
     let mut source = Source::at(path);
+    source.metric = Some("ScanNet++");
     let mut left_out = LeftOut::default();
-    let there = stems(&photos);
     for (name, frame) in frames {
         let element = format!("camera {}", quoted(&name));
         let frame = match frame.0 {
@@ -99,8 +99,7 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
             source.leave_out(name, Why::NoPose);
             continue;
         };
-        let photo = there.contains(&name).then(|| photos.find(&name)).transpose()?.flatten();
-        let Some(photo) = photo else {
+        let Some(photo) = photos.find(&name)? else {
             source.leave_out(name, Why::NoPhoto);
             continue;
         };

@@ -8,9 +8,11 @@ use super::listed_split::Filenames;
 use super::ply;
 use super::transforms_lens::Intrinsics;
 use crate::camera::RigidTransform;
-use crate::capture::folder::{CaptureFolder, plain};
+use crate::capture::folder::CaptureFolder;
 use crate::capture::left_out::LeftOut;
 use crate::capture::lens::Distortion;
+use crate::capture::paths::plain;
+use crate::capture::photo_folder::PhotoFolder;
 use crate::capture::pose_format::{Found, PoseFormat};
 use crate::capture::source::{Source, SourceView, UnusedView, Why};
 use crate::text::{self, quoted};
@@ -164,6 +166,8 @@ fn read_one(path: &Path, split: Option<Split>, folders: &Folders, source: &mut S
     source.split_by = source.split_by.take().or(uses.split_by);
     let mut use_of = vec![Use::View(None); file.frames.len()];
     named.iter().zip(uses.frames).for_each(|(&index, use_)| use_of[index] = use_);
+    // `--images images_4` replaces the leading folders of the stored paths.
+    let photos = folder.images.clone().unwrap_or_else(|| folder.photos(""));
     for (index, frame) in file.frames.iter().enumerate() {
         let name = frame.name.as_deref().unwrap_or_default();
         let listed = match use_of[index] {
@@ -174,7 +178,7 @@ fn read_one(path: &Path, split: Option<Split>, folders: &Folders, source: &mut S
             }
         };
         let element = format!("frames[{index}] ({})", quoted(name));
-        match view(path, frame, &element, &file.intrinsics, folders)? {
+        match view(path, frame, &element, &file.intrinsics, folders, &photos)? {
             Ok(view) => source.views.push(SourceView { split: listed, ..view }),
             Err(Unusable::NoPhoto) => {
                 source.unused.push(UnusedView { name: plain(name), why: Why::NoPhoto, split: listed });
@@ -206,6 +210,7 @@ fn view(
     element: &str,
     of_file: &Intrinsics,
     folders: &Folders,
+    photos: &PhotoFolder,
 ) -> Result<Result<SourceView, Unusable>> {
     let broken = |problem: String| Ok(Err(Unusable::Broken(problem)));
     let stated = match &frame.stated {
@@ -216,7 +221,7 @@ fn view(
         Ok(pose) => pose,
         Err(problem) => return broken(format!("transform_matrix: {problem}")),
     };
-    let Some(photo) = find_photo(&folders.poses, &stated.file_path)? else {
+    let Some(photo) = photos.find(&plain(&stated.file_path))? else {
         return Ok(Err(Unusable::NoPhoto));
     };
     let lens = match stated.intrinsics.or(of_file).lens(path, element, &photo)? {
@@ -261,27 +266,9 @@ fn strip_common_folder(source: &mut Source) {
 
 /// The mask at a stored path, or where it should be. The photo itself, of the same stem, is none.
 fn find_mask(folder: &CaptureFolder, stored: &str, photo: &Path) -> Result<PathBuf> {
-    match folder.photos("").find(&plain(stored))? {
-        Some(found) if found != photo => Ok(found),
+    match folder.photos("").find_whole(&plain(stored))? {
+        Some(found) if found.path != photo => Ok(found.path),
         _ => folder.file(stored),
-    }
-}
-
-fn find_photo(folder: &CaptureFolder, file_path: &str) -> Result<Option<PathBuf>> {
-    let stored = plain(file_path);
-    let Some(images) = &folder.images else {
-        return folder.photos("").find(&stored);
-    };
-    // `--images images_4` replaces the leading folders of the stored path.
-    let mut rest = stored.as_str();
-    loop {
-        if let Some(found) = images.find(rest)? {
-            return Ok(Some(found));
-        }
-        match rest.split_once('/') {
-            Some((_, inner)) => rest = inner,
-            None => return Ok(None),
-        }
     }
 }
 
