@@ -6,6 +6,8 @@ mod by_name;
 pub(crate) mod bytes;
 mod colmap;
 mod colmap_bin;
+mod colmap_find;
+mod colmap_lens;
 mod colmap_model;
 mod colmap_txt;
 mod film;
@@ -27,11 +29,11 @@ mod unused;
 mod xml;
 
 use super::pose_format::PoseFormat;
-pub(crate) use colmap::find_elsewhere as find_colmap_elsewhere;
+pub(crate) use colmap_find::find_elsewhere as find_colmap_elsewhere;
 
 /// All pose formats. Where a capture has poses in several, the first one wins.
 pub(crate) static FORMATS: &[PoseFormat] = &[
-    colmap::FORMAT,
+    colmap_find::FORMAT,
     transforms::FORMAT,
     reality_capture::FORMAT,
     metashape::FORMAT,
