@@ -9,7 +9,7 @@ use std::path::Path;
 const ONE_IN: usize = 10;
 
 /// The views or points of a file that make no sense.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct LeftOut {
     /// The problem of the first, and the names of all.
     problem: String,
@@ -100,17 +100,19 @@ fn is_place(point: &SfmPoint) -> bool {
     p.is_finite() && p.abs().max_element() <= MAX_COORDINATE
 }
 
-/// Leaves out points without a position.
+/// Leaves out points without a position, and warns of those that could not be read.
 ///
 /// # Errors
 /// [`crate::Error::InvalidInput`] if they are more than a tenth of all.
 pub(crate) fn points(source: &mut Source, report: &mut Report) -> Result<()> {
-    let left_out = broken_points(&source.points);
+    let mut left_out = std::mem::take(&mut source.broken_points);
+    let total = source.points.len() + left_out.count();
+    push_points(&source.points, &mut left_out);
     if left_out.count() == 0 {
         return Ok(());
     }
     let path = source.points_file.clone().unwrap_or_else(|| source.path.clone());
-    left_out.finish(&path, "points", source.points.len(), report)?;
+    left_out.finish(&path, "points", total, report)?;
     source.retain_points(is_place);
     Ok(())
 }
@@ -120,17 +122,17 @@ pub(crate) fn points(source: &mut Source, report: &mut Report) -> Result<()> {
 /// # Errors
 /// [`crate::Error::InvalidInput`] if they are more than a tenth of all.
 pub(crate) fn checked_points(path: &Path, points: Vec<SfmPoint>) -> Result<Vec<SfmPoint>> {
-    broken_points(&points).finish(path, "points", points.len(), &mut Report::default())?;
+    let mut left_out = LeftOut::default();
+    push_points(&points, &mut left_out);
+    left_out.finish(path, "points", points.len(), &mut Report::default())?;
     Ok(points)
 }
 
-fn broken_points(points: &[SfmPoint]) -> LeftOut {
-    let mut left_out = LeftOut::default();
+fn push_points(points: &[SfmPoint], left_out: &mut LeftOut) {
     for (index, point) in points.iter().enumerate().filter(|(_, point)| !is_place(point)) {
         let position = point.position_in_capture.to_array();
         left_out.push(format!("number {}", index + 1), format!("its position is {position:?}"));
     }
-    left_out
 }
 
 #[cfg(test)]

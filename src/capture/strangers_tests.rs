@@ -7,25 +7,25 @@ use glam::{DQuat, DVec3};
 use std::path::Path;
 use tempfile::{TempDir, tempdir};
 
-fn load(root: &Path) -> Result<Capture> {
+pub(super) fn load(root: &Path) -> Result<Capture> {
     Capture::load(root, &LoadOptions::default())
 }
 
-fn text_model(scene: &Scene) -> TempDir {
+pub(super) fn text_model(scene: &Scene) -> TempDir {
     let folder = tempdir().unwrap();
     scene.write_text(&folder.path().join("sparse/0"));
     scene.write_photos(&folder.path().join("images"), (12, 8));
     folder
 }
 
-fn binary_model(scene: &Scene) -> TempDir {
+pub(super) fn binary_model(scene: &Scene) -> TempDir {
     let folder = tempdir().unwrap();
     scene.write(folder.path());
     folder
 }
 
 /// Replaces text in one of the model's files.
-fn replace(folder: &TempDir, file: &str, from: &str, to: &str) {
+pub(super) fn replace(folder: &TempDir, file: &str, from: &str, to: &str) {
     let path = folder.path().join("sparse/0").join(file);
     let text = std::fs::read_to_string(&path).unwrap();
     assert!(text.contains(from), "{from} is not in {file}");
@@ -33,12 +33,12 @@ fn replace(folder: &TempDir, file: &str, from: &str, to: &str) {
 }
 
 /// The message of the warning with this code and count.
-fn warning(capture: &Capture, code: &str, count: usize) -> String {
+pub(super) fn warning(capture: &Capture, code: &str, count: usize) -> String {
     let found = capture.report.warnings.iter().find(|w| w.code == code && w.count == count);
     found.map(|w| w.message.clone()).unwrap_or_else(|| panic!("no {code}: {:?}", capture.report))
 }
 
-fn has_warning(capture: &Capture, code: &str) -> bool {
+pub(super) fn has_warning(capture: &Capture, code: &str) -> bool {
     capture.report.warnings.iter().any(|w| w.code == code)
 }
 
@@ -223,6 +223,23 @@ fn a_frame_of_another_shape_leaves_its_view_out() {
         json.to_string()
     });
     assert!(load(three.path()).err().unwrap().to_string().contains("3 of 12 views"), "negative control");
+}
+
+#[test]
+fn points_of_a_json_that_are_not_there_are_no_error() {
+    let with = |ply: &str| {
+        transforms(|mut json| {
+            json["ply_file_path"] = ply.into();
+            json.to_string()
+        })
+    };
+    let folder = with("points.ply");
+    let capture = load(folder.path()).unwrap();
+    assert_eq!((capture.views.len(), capture.points.len()), (12, 0));
+    assert!(warning(&capture, "points-file-missing", 1).contains("points.ply: "));
+    write_ply(&folder.path().join("points.ply"), &["0 0 1"]);
+    let capture = load(folder.path()).unwrap();
+    assert_eq!((capture.points.len(), has_warning(&capture, "points-file-missing")), (1, false));
 }
 
 #[test]

@@ -2,7 +2,7 @@
 //! encodings.
 
 use super::colmap_lens::lens;
-use super::colmap_model::{ColmapImage, ColmapSparse};
+use super::colmap_model::{ColmapImage, ColmapSparse, Parts};
 use super::{colmap_bin, colmap_txt};
 use crate::capture::left_out::LeftOut;
 use crate::capture::lens::Lens;
@@ -47,14 +47,19 @@ fn read_sparse(folder: &Path, report: &mut Report) -> Result<ColmapSparse> {
         points: match points {
             Some(p) if is_binary(&p) => colmap_bin::read_points(&p)?,
             Some(p) => colmap_txt::read_points(&p)?,
-            None => Vec::new(),
+            None => Parts::default(),
         },
     };
-    let used: HashSet<u32> = sparse.images.iter().map(|i| i.camera_id).collect();
-    for camera in sparse.cameras.iter().filter(|c| used.contains(&c.id)) {
-        camera.model.check_supported(&cameras_file, camera.id)?;
+    let used = used_cameras(&sparse);
+    for camera in sparse.cameras.good.iter().filter(|c| used.contains(&c.id)) {
+        camera.check_supported(&cameras_file)?;
     }
     Ok(sparse)
+}
+
+/// The ids that images refer to.
+fn used_cameras(sparse: &ColmapSparse) -> HashSet<u32> {
+    sparse.images.good.iter().map(|i| i.camera_id).collect()
 }
 
 /// Reads a sparse model into a [`Source`].
@@ -62,11 +67,12 @@ pub(super) fn read(folder: &Path) -> Result<Source> {
     let mut report = Report::default();
     let sparse = read_sparse(folder, &mut report)?;
     let lenses = lenses(folder, &sparse, &mut report)?;
+    let points = &sparse.points.good;
     let point_index: HashMap<u64, u32> =
-        sparse.points.iter().enumerate().map(|(index, p)| (p.id, index as u32)).collect();
+        points.iter().enumerate().map(|(index, p)| (p.id, index as u32)).collect();
     let (mut lost, mut left_out) = (0, LeftOut::default());
-    let mut views = Vec::with_capacity(sparse.images.len());
-    for image in &sparse.images {
+    let mut views = Vec::with_capacity(sparse.images.good.len());
+    for image in &sparse.images.good {
         match view(image, &lenses, &point_index, &mut lost) {
             Ok(view) => views.push(view),
             Err(problem) => {
@@ -77,20 +83,26 @@ pub(super) fn read(folder: &Path) -> Result<Source> {
     }
     let mut source = Source::at(folder);
     std::mem::swap(&mut source.report, &mut report);
-    left_out.finish_views(folder, sparse.images.len(), &mut source)?;
+    for image in &sparse.images.broken {
+        let name = image.name.as_deref().unwrap_or_default().replace('\\', "/");
+        left_out.push_view(image.element("image"), &name, image.problem());
+    }
+    left_out.finish_views(folder, sparse.images.count(), &mut source)?;
+    for point in &sparse.points.broken {
+        source.broken_points.push(point.element("point"), point.problem());
+    }
     std::mem::swap(&mut source.report, &mut report);
-    if lost > 0 && !sparse.points.is_empty() {
+    if lost > 0 && !points.is_empty() {
         let what =
             format!("{}: {lost} observations refer to points that are not in the model", folder.display());
         report.warn("observations-without-point", lost, what);
     }
-    let errors = sparse.points.iter().map(|p| p.error_px);
+    let errors = points.iter().map(|p| p.error_px);
     let (sum, count) =
         errors.filter(|e| e.is_finite() && *e >= 0.0).fold((0.0, 0_u32), |(s, n), e| (s + e, n + 1));
     Ok(Source {
         views,
-        points: sparse
-            .points
+        points: points
             .iter()
             .map(|p| SfmPoint { position_in_capture: DVec3::from_array(p.position), rgb: p.rgb })
             .collect(),
@@ -100,60 +112,79 @@ pub(super) fn read(folder: &Path) -> Result<Source> {
     })
 }
 
-/// The lenses by the ids of their cameras, or what is wrong with them; warns of broken cameras that no image uses.
-fn lenses(
-    folder: &Path,
-    sparse: &ColmapSparse,
-    report: &mut Report,
-) -> Result<HashMap<u32, Result<Lens, String>>> {
-    let used: HashSet<u32> = sparse.images.iter().map(|i| i.camera_id).collect();
-    let (mut lenses, mut unused) = (HashMap::new(), LeftOut::default());
-    for camera in &sparse.cameras {
-        let name = format!("camera {} ({})", camera.id, camera.model.name);
+/// The lenses by the ids of their cameras, or what is wrong with them.
+struct Lenses {
+    by_id: HashMap<u32, Result<Lens, String>>,
+    /// What is wrong with the first camera without an id.
+    nameless: Option<String>,
+}
+
+/// The lenses of all cameras; warns of broken ones that no image uses.
+fn lenses(folder: &Path, sparse: &ColmapSparse, report: &mut Report) -> Result<Lenses> {
+    let used = used_cameras(sparse);
+    let (mut by_id, mut unused, mut nameless) = (HashMap::new(), LeftOut::default(), None);
+    for camera in &sparse.cameras.good {
+        let name = format!("camera {} ({})", camera.id, camera.model_name());
         let lens = lens(camera);
         if let Err(problem) = &lens
             && !used.contains(&camera.id)
         {
             unused.push(name.clone(), problem);
         }
-        if lenses.insert(camera.id, lens.map_err(|problem| format!("{name}: {problem}"))).is_some() {
+        if by_id.insert(camera.id, lens.map_err(|problem| format!("{name}: {problem}"))).is_some() {
             return Err(invalid!(folder, "camera {} occurs twice", camera.id));
+        }
+    }
+    for camera in &sparse.cameras.broken {
+        let (element, problem) = (camera.element("camera"), camera.problem());
+        let message = format!("{element}: {problem}");
+        match camera.id.and_then(|id| u32::try_from(id).ok()) {
+            Some(id) if used.contains(&id) => {
+                by_id.entry(id).or_insert(Err(message));
+            }
+            Some(_) => unused.push(element, problem),
+            None => {
+                unused.push(element, problem);
+                nameless.get_or_insert(message);
+            }
         }
     }
     if unused.count() > 0 {
         let what = format!(
-            "{}: {} of {} cameras cannot be used and are left out, since no image refers to them: {}",
+            "{}: left out {} of {} cameras, which no view uses: {}",
             folder.display(),
             unused.count(),
-            sparse.cameras.len(),
+            sparse.cameras.count(),
             unused.details()
         );
         report.warn("cameras-left-out", unused.count(), what);
     }
-    Ok(lenses)
+    Ok(Lenses { by_id, nameless })
 }
 
 /// The view of an image, or what is wrong with it.
 fn view(
     image: &ColmapImage,
-    lenses: &HashMap<u32, Result<Lens, String>>,
+    lenses: &Lenses,
     point_index: &HashMap<u64, u32>,
     lost: &mut usize,
 ) -> Result<SourceView, String> {
     if image.name.is_empty() {
         return Err("its name is empty".to_owned());
     }
-    let lens = match lenses.get(&image.camera_id) {
+    let lens = match lenses.by_id.get(&image.camera_id) {
         Some(Ok(lens)) => *lens,
         Some(Err(problem)) => return Err(problem.clone()),
         None => {
-            let mut known: Vec<u32> = lenses.keys().copied().collect();
+            let mut known: Vec<u32> = lenses.by_id.keys().copied().collect();
             known.sort_unstable();
             let known: Vec<String> = known.iter().map(u32::to_string).collect();
+            let nameless = lenses.nameless.iter().map(|problem| format!("; {problem}"));
             return Err(format!(
-                "it refers to camera {}, but the cameras are {}",
+                "it refers to camera {}, but the cameras are {}{}",
                 image.camera_id,
-                first_names(known.iter().map(String::as_str))
+                first_names(known.iter().map(String::as_str)),
+                nameless.collect::<String>()
             ));
         }
     };

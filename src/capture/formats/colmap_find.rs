@@ -148,7 +148,7 @@ fn num_images(folder: &Path) -> u64 {
                 .and_then(|mut f| std::io::Read::read_exact(&mut f, &mut head))
                 .map_or(0, |()| u64::from_le_bytes(head))
         }
-        Some(path) => colmap_txt::read_images(&path).map_or(0, |images| images.len() as u64),
+        Some(path) => colmap_txt::read_images(&path).map_or(0, |images| images.good.len() as u64),
         None => 0,
     }
 }

@@ -8,11 +8,11 @@ use crate::capture::lens::{Distortion, Lens, Tilt};
 pub(super) fn lens(camera: &ColmapCamera) -> Result<Lens, String> {
     let size =
         |value: u64, what: &str| u32::try_from(value).map_err(|_| format!("its {what} is {value} pixels"));
-    if !camera.model.is_supported {
+    let Some(model) = camera.model.as_ref().ok().filter(|model| model.is_supported) else {
         return Err("its model is not supported".to_owned());
-    }
+    };
     let p = &camera.params;
-    let shared_focal = matches!(camera.model.number, 0 | 2 | 3 | 8 | 9 | 12 | 14);
+    let shared_focal = matches!(model.number, 0 | 2 | 3 | 8 | 9 | 12 | 14);
     let (fx_px, fy_px, rest) = if shared_focal { (p[0], p[0], 1) } else { (p[0], p[1], 2) };
     let d = &p[rest + 2..];
     let radial = |k: &[f64], p: [f64; 2]| {
@@ -25,7 +25,7 @@ pub(super) fn lens(camera: &ColmapCamera) -> Result<Lens, String> {
         all[..k.len()].copy_from_slice(k);
         Distortion::Fisheye { k: all, tilt }
     };
-    let distortion = match camera.model.number {
+    let distortion = match model.number {
         2 | 3 => radial(d, [0.0; 2]),
         4 => radial(&d[..2], [d[2], d[3]]),
         6 => radial(&[d[0], d[1], d[4], d[5], d[6], d[7]], [d[2], d[3]]),

@@ -191,8 +191,14 @@ fn read_one(path: &Path, split: Option<Split>, folders: &Folders, source: &mut S
     left_out.finish_views(path, file.frames.len(), source)?;
     if let Some(ply) = &file.ply_file_path {
         let ply = folder.file(ply)?;
-        source.points.extend(ply::read_points(&ply)?);
-        source.points_file = Some(ply);
+        if ply.exists() {
+            source.points.extend(ply::read_points(&ply)?);
+            source.points_file = Some(ply);
+        } else {
+            let what =
+                format!("{}: the points that {} names are not there", text::path(&ply), text::path(path));
+            source.report.warn("points-file-missing", 1, what);
+        }
     }
     Ok(())
 }
