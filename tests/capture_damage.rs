@@ -238,7 +238,8 @@ fn damaged_transforms_name_the_frame() {
     check(&|j| j["camera_model"] = "EQUIRECTANGULAR".into(), &["EQUIRECTANGULAR", "OPENCV_FISHEYE"]);
     check(&|j| j["frames"] = serde_json::json!([]), &["no registered images"]);
     check(&|j| j["frames"] = 3.into(), &["transforms.json", "expected"]);
-    check(&|j| j["ply_file_path"] = "absent.ply".into(), &["absent.ply"]);
+    std::fs::write(folder.path().join("damaged.ply"), "ply").unwrap();
+    check(&|j| j["ply_file_path"] = "damaged.ply".into(), &["damaged.ply"]);
     let whole = valid.to_string();
     for number in ["1e999", "NaN", "null"] {
         std::fs::write(&path, whole.replacen("0.0", number, 1)).unwrap();

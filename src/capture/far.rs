@@ -2,7 +2,7 @@
 //! of the capture, and with it the scale of everything.
 
 use super::frame::median;
-use super::source::{Source, first_names};
+use super::source::{Source, UnusedView, Why, first_names};
 use crate::Report;
 use glam::DVec3;
 
@@ -34,6 +34,11 @@ pub(crate) fn leave_out(source: &mut Source, report: &mut Report) {
             are(far.len())
         );
         report.warn("far-cameras", far.len(), what);
+        source.unused.extend(far.into_iter().map(|v| UnusedView {
+            name: v.name,
+            why: Why::Far,
+            split: v.split,
+        }));
     }
     let positions: Vec<DVec3> = source.points.iter().map(|p| p.position_in_capture).collect();
     if let Some(limit) = Limit::of(&positions) {

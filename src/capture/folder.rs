@@ -13,24 +13,25 @@ pub(crate) struct CaptureFolder {
     pub root: PathBuf,
     /// The photos, where `--images` names their folder.
     pub images: Option<PhotoFolder>,
-    /// An unpacked archive: nothing outside it is opened.
-    is_archive: bool,
+    /// Of an unpacked archive: nothing outside this folder is opened.
+    confined_to: Option<PathBuf>,
     listings: Listings,
 }
 
 impl CaptureFolder {
     /// The folder with `--images` as given.
     pub fn new(root: &Path, images: Option<&Path>, is_archive: bool) -> Result<Self> {
+        let confined_to = is_archive.then(|| root.to_owned());
         let mut folder =
-            Self { root: root.to_owned(), images: None, is_archive, listings: Listings::default() };
+            Self { root: root.to_owned(), images: None, confined_to, listings: Listings::default() };
         folder.images = images.map(|images| folder.given(images, "--images")).transpose()?;
         Ok(folder)
     }
 
-    /// The same for poses whose paths are relative to a folder inside, with photos in another.
+    /// The same for paths that are relative to a folder inside, with photos in another. What an archive may open stays the
+    /// same.
     pub fn inside(&self, root: &str, images: PhotoFolder) -> Self {
-        let listings = self.listings.clone();
-        Self { root: self.root.join(root), images: Some(images), is_archive: self.is_archive, listings }
+        Self { root: self.root.join(root), images: Some(images), ..self.clone() }
     }
 
     /// A folder inside.
@@ -39,8 +40,7 @@ impl CaptureFolder {
     }
 
     fn photo_folder(&self, path: PathBuf) -> PhotoFolder {
-        let confined_to = self.is_archive.then(|| self.root.clone());
-        PhotoFolder { path, confined_to, listings: self.listings.clone() }
+        PhotoFolder { path, confined_to: self.confined_to.clone(), listings: self.listings.clone() }
     }
 
     /// A folder given by the user: absolute, relative to the capture or to the working directory. The names of an
@@ -48,12 +48,12 @@ impl CaptureFolder {
     pub fn given(&self, folder: &Path, option: &str) -> Result<PhotoFolder> {
         let joined = self.root.join(folder);
         // What lies next to an unpacked archive is none of the user's.
-        let is_of_capture = !self.is_archive || is_inside(&self.root, &joined);
+        let is_of_capture = self.confined_to.as_ref().is_none_or(|root| is_inside(root, &joined));
         if is_of_capture && joined.is_dir() {
             return Ok(self.photo_folder(joined));
         }
         if folder.is_dir() {
-            let confined_to = self.is_archive.then(|| folder.to_owned());
+            let confined_to = self.confined_to.as_ref().map(|_| folder.to_owned());
             let listings = self.listings.clone();
             return Ok(PhotoFolder { path: folder.to_owned(), confined_to, listings });
         }
@@ -68,8 +68,8 @@ impl CaptureFolder {
     /// [`crate::Error::InvalidInput`] if it lies outside an archive.
     pub fn file(&self, stored: &str) -> Result<PathBuf> {
         let path = self.root.join(stored);
-        if self.is_archive {
-            confine(&self.root, &path, stored)?;
+        if let Some(root) = &self.confined_to {
+            confine(root, &path, stored)?;
         }
         match with_slashes(stored) {
             Some(turned) if !path.exists() => self.file(&turned),

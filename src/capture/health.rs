@@ -52,14 +52,27 @@ pub struct SparseHealth {
     pub mean_reprojection_error_px: Option<f64>,
 }
 
+/// The photos in the photo folder.
+pub(crate) struct PhotosOnDisk {
+    /// Number of all.
+    pub present: usize,
+    /// Number of those with a pose, also of views that were left out.
+    pub posed: usize,
+}
+
 /// Measures a sparse reconstruction and warns of what looks wrong; `extent` is that of the capture, in its
 /// units.
-pub(crate) fn check(source: &Source, extent: f64, present: usize, report: &mut Report) -> SparseHealth {
+pub(crate) fn check(
+    source: &Source,
+    extent: f64,
+    photos: &PhotosOnDisk,
+    report: &mut Report,
+) -> SparseHealth {
     let counts: Vec<usize> = source.views.iter().map(|v| v.observed.len()).collect();
     let (behind, at_zero) = misplaced(source);
     let health = SparseHealth {
         registered: source.views.len(),
-        present,
+        present: photos.present,
         points: source.points.len(),
         observations: counts.iter().sum(),
         min_observations_per_view: counts.iter().copied().min().unwrap_or(0),
@@ -71,17 +84,17 @@ pub(crate) fn check(source: &Source, extent: f64, present: usize, report: &mut R
         observations_at_zero_depth: at_zero,
         mean_reprojection_error_px: source.reprojection_error_px,
     };
+    let missing = photos.present.saturating_sub(photos.posed);
+    if missing > 0 {
+        let what = format!("{missing} of {} photos have no pose and are not used", photos.present);
+        report.warn("photos-not-registered", missing, what);
+    }
     warn(source, &health, extent, report);
     health
 }
 
 fn warn(source: &Source, health: &SparseHealth, extent: f64, report: &mut Report) {
     const HINT: &str = "a model with a good mean reprojection error can still be broken";
-    if health.present > health.registered {
-        let missing = health.present - health.registered;
-        let what = format!("{missing} of {} photos have no pose and are not used", health.present);
-        report.warn("photos-not-registered", missing, what);
-    }
     if health.observations > 0 && health.views_under_50_observations > 0 {
         let weak = source.views.iter().filter(|v| v.observed.len() < MIN_OBSERVATIONS);
         let what = format!(

@@ -1,7 +1,7 @@
 //! Parts of a pose file that make no sense: a few are left out by name, many are an error.
 
-use super::source::{MAX_COORDINATE, Source, first_of};
-use crate::views::SfmPoint;
+use super::source::{MAX_COORDINATE, Source, UnusedView, Why, first_of};
+use crate::views::{SfmPoint, Split};
 use crate::{Report, Result};
 use std::path::Path;
 
@@ -9,11 +9,12 @@ use std::path::Path;
 const ONE_IN: usize = 10;
 
 /// The views or points of a file that make no sense.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct LeftOut {
     /// The problem of the first, and the names of all.
     problem: String,
     names: Vec<String>,
+    views: Vec<UnusedView>,
 }
 
 impl LeftOut {
@@ -23,6 +24,23 @@ impl LeftOut {
             self.problem = problem.into();
         }
         self.names.push(name);
+    }
+
+    /// Leaves a view out; `element` names it as its file does.
+    pub fn push_view(&mut self, element: String, name: &str, problem: impl Into<String>) {
+        self.push_split_view(element, name, problem, None);
+    }
+
+    /// The same, with the side of the split that the files state.
+    pub fn push_split_view(
+        &mut self,
+        element: String,
+        name: &str,
+        problem: impl Into<String>,
+        split: Option<Split>,
+    ) {
+        self.push(element, problem);
+        self.views.push(UnusedView { name: name.to_owned(), why: Why::Broken, split });
     }
 
     /// Number of parts.
@@ -39,6 +57,15 @@ impl LeftOut {
                 format!("{first}: {}; also {}", self.problem, first_of(others.iter().cloned()))
             }
         }
+    }
+
+    /// As [`Self::finish`], for views of a capture.
+    ///
+    /// # Errors
+    /// As [`Self::finish`].
+    pub fn finish_views(mut self, path: &Path, total: usize, source: &mut Source) -> Result<()> {
+        source.unused.append(&mut self.views);
+        self.finish(path, "views", total, &mut source.report)
     }
 
     /// Warns of the parts that were left out of `total`, if any; `noun` is what they are ("views").
@@ -68,29 +95,44 @@ impl LeftOut {
     }
 }
 
-/// Leaves out points without a position.
+fn is_place(point: &SfmPoint) -> bool {
+    let p = point.position_in_capture;
+    p.is_finite() && p.abs().max_element() <= MAX_COORDINATE
+}
+
+/// Leaves out points without a position, and warns of those that could not be read.
 ///
 /// # Errors
 /// [`crate::Error::InvalidInput`] if they are more than a tenth of all.
 pub(crate) fn points(source: &mut Source, report: &mut Report) -> Result<()> {
-    let is_place = |point: &SfmPoint| {
-        let p = point.position_in_capture;
-        p.is_finite() && p.abs().max_element() <= MAX_COORDINATE
-    };
-    let mut left_out = LeftOut::default();
-    for (index, point) in source.points.iter().enumerate() {
-        if !is_place(point) {
-            let position = point.position_in_capture.to_array();
-            left_out.push(format!("number {}", index + 1), format!("its position is {position:?}"));
-        }
-    }
+    let mut left_out = std::mem::take(&mut source.broken_points);
+    let total = source.points.len() + left_out.count();
+    push_points(&source.points, &mut left_out);
     if left_out.count() == 0 {
         return Ok(());
     }
     let path = source.points_file.clone().unwrap_or_else(|| source.path.clone());
-    left_out.finish(&path, "points", source.points.len(), report)?;
+    left_out.finish(&path, "points", total, report)?;
     source.retain_points(is_place);
     Ok(())
+}
+
+/// The points as they are, unless too many of them have no position.
+///
+/// # Errors
+/// [`crate::Error::InvalidInput`] if they are more than a tenth of all.
+pub(crate) fn checked_points(path: &Path, points: Vec<SfmPoint>) -> Result<Vec<SfmPoint>> {
+    let mut left_out = LeftOut::default();
+    push_points(&points, &mut left_out);
+    left_out.finish(path, "points", points.len(), &mut Report::default())?;
+    Ok(points)
+}
+
+fn push_points(points: &[SfmPoint], left_out: &mut LeftOut) {
+    for (index, point) in points.iter().enumerate().filter(|(_, point)| !is_place(point)) {
+        let position = point.position_in_capture.to_array();
+        left_out.push(format!("number {}", index + 1), format!("its position is {position:?}"));
+    }
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 //! split, and move everything into the local frame.
 
 use super::folder::CaptureFolder;
+use super::health::PhotosOnDisk;
 use super::loaded::Capture;
 use super::options::{CaptureFormat, LoadOptions};
 use super::pose_format::Found;
@@ -72,7 +73,7 @@ fn load_folder(path: &Path, options: &LoadOptions, archive: Option<&Unpacked>) -
     let folder = CaptureFolder::new(&found.root, options.images.as_deref(), archive.is_some())?;
     let mut source = (found.read)(&folder)?;
     report.merge(std::mem::take(&mut source.report));
-    if source.views.is_empty() && source.without_photo.is_empty() {
+    if source.num_posed() == 0 {
         return Err(Error::invalid(
             &source.path,
             "no registered images; the reconstruction failed: run it again with more overlap",
@@ -87,14 +88,18 @@ fn load_folder(path: &Path, options: &LoadOptions, archive: Option<&Unpacked>) -
     photo_files::settle(&mut source, &mut report);
     sort_by_name(&mut source)?;
     let photos = photo_files::photo_folder(&folder, &source)?;
-    let health = format
-        .entry()
-        .has_observations
-        .then(|| health::check(&source, capture_from_local.scale, photos.count(), &mut report));
+    let health = match format.entry().has_observations {
+        true => {
+            let posed = photo_files::count_posed(&photos, &source)?;
+            let seen = PhotosOnDisk { present: photos.count(), posed };
+            Some(health::check(&source, capture_from_local.scale, &seen, &mut report))
+        }
+        false => None,
+    };
     photo_files::find_photos(&mut source, &photos, &mut report)?;
     let masks = photo_files::find_masks(&folder, &mut source, options, &mut report)?;
     photo_files::warn_of_files_outside(&folder.root, &source, &[Some(photos), masks], &mut report);
-    let (splits, split_by) = split::assign(&source.views, source.split_by.as_deref(), options)?;
+    let (splits, split_by) = split::assign(&source, options, &mut report)?;
     if !splits.contains(&Split::Train) {
         return Err(invalid!(
             &source.path,

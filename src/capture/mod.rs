@@ -2,6 +2,8 @@
 //! space of training. Nothing here knows how training or rendering works.
 
 mod advice;
+#[cfg(test)]
+mod broken_lines_tests;
 mod check;
 mod claims;
 mod decode;

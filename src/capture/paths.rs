@@ -17,6 +17,12 @@ pub(crate) fn with_slashes(stored: &str) -> Option<String> {
     stored.contains('\\').then(|| stored.replace('\\', "/"))
 }
 
+/// A stored path without `./` and with forward slashes.
+pub(crate) fn plain(stored: &str) -> String {
+    let path = stored.replace('\\', "/");
+    path.trim_start_matches("./").to_owned()
+}
+
 /// A name without the extension of its last part. Digits alone are none: `frame.0001` is a whole name.
 pub(crate) fn without_extension(name: &str) -> &str {
     match name.rsplit_once('.') {

@@ -5,10 +5,10 @@ use super::folder::CaptureFolder;
 use super::options::LoadOptions;
 use super::paths::{is_inside, is_there};
 use super::photo_folder::{Match, PhotoFolder};
-use super::source::{Source, first_names, first_paths};
+use super::source::{Source, UnusedView, Why, first_names, first_paths};
 use crate::text::{self, quoted};
 use crate::{Error, Report, Result};
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashSet};
 use std::path::{Path, PathBuf};
 
 /// The folder of the photos, which must exist unless the pose file names every photo.
@@ -26,12 +26,28 @@ pub(super) fn photo_folder(folder: &CaptureFolder, source: &Source) -> Result<Ph
             return Ok(beside);
         }
     }
-    let example = source.views.first().map(|v| &v.name).or(source.without_photo.first());
+    let missing = source.unused.iter().find(|v| v.why == Why::NoPhoto);
+    let example = source.views.first().map(|v| &v.name).or(missing.map(|v| &v.name));
     Err(invalid!(
         images,
         "no folder of photos; expected photos such as {} there: name the folder with --images",
         quoted(example.map_or("0001.jpg", String::as_str))
     ))
+}
+
+/// Number of photos that have a pose, whether their views are used or not.
+pub(super) fn count_posed(folder: &PhotoFolder, source: &Source) -> Result<usize> {
+    let mut posed = HashSet::new();
+    for view in &source.views {
+        posed.extend(match &view.photo {
+            Some(photo) => Some(photo.path.clone()),
+            None => folder.find(&view.name)?.map(|photo| photo.path),
+        });
+    }
+    for view in source.unused.iter().filter(|v| v.why != Why::NoPose) {
+        posed.extend(folder.find(&view.name)?.map(|photo| photo.path));
+    }
+    Ok(posed.len())
 }
 
 /// Leaves photos to the views that they belong to; the others have none.
@@ -55,7 +71,8 @@ pub(super) fn settle(source: &mut Source, report: &mut Report) {
         let is_lost = lost.contains(&index);
         if is_lost {
             let asked = view.photo.as_ref().map_or(&view.name, |photo| &photo.asked);
-            source.without_photo.push(asked.clone());
+            let unused = UnusedView { name: asked.clone(), why: Why::NoPhoto, split: view.split };
+            source.unused.push(unused);
         }
         index += 1;
         !is_lost
@@ -64,21 +81,20 @@ pub(super) fn settle(source: &mut Source, report: &mut Report) {
 
 /// Gives every view its photo; views without one are left out and counted.
 pub(super) fn find_photos(source: &mut Source, folder: &PhotoFolder, report: &mut Report) -> Result<()> {
-    let mut missing = std::mem::take(&mut source.without_photo);
     for view in &mut source.views {
         if view.photo.is_none() {
             view.photo = folder.find(&view.name)?;
         }
         if view.photo.is_none() {
-            missing.push(view.name.clone());
+            let missing = UnusedView { name: view.name.clone(), why: Why::NoPhoto, split: view.split };
+            source.unused.push(missing);
         }
     }
     source.views.retain(|v| v.photo.is_some());
-    source.without_photo = missing;
     settle(source, report);
-    let missing = std::mem::take(&mut source.without_photo);
+    let missing = source.names_unused(Why::NoPhoto);
     let total = source.views.len() + missing.len();
-    let names = first_names(missing.iter().map(String::as_str));
+    let names = first_names(missing.iter().copied());
     if source.views.len() < 2 {
         return Err(Error::invalid(
             folder.path(),

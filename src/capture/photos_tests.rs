@@ -93,6 +93,12 @@ fn other_layouts_state_the_split_and_bad_frames_are_left_out() {
     let folder = transforms(|_| {});
     write_json(folder.path().join("splits.json"), &json!({"scenes": 3}));
     assert_eq!(held_out(&load(folder.path())), ["p01.png"], "a file of that name that holds something else");
+    assert!(warning(&load(folder.path()).report, "split-list-without-names").is_none(), "negative control");
+    write_json(folder.path().join("splits.json"), &json!({"train": [0, 1], "test": [2, 3]}));
+    let capture = load(folder.path());
+    assert_eq!(held_out(&capture), ["p01.png"], "a list of indices splits nothing");
+    let numbers = warning(&capture.report, "split-list-without-names").unwrap();
+    assert!(numbers.message.contains("train and test hold 0, expected names"), "{}", numbers.message);
     write_json(folder.path().join("splits.json"), &json!({"train": ["room"], "test": ["kitchen"]}));
     let capture = load(folder.path());
     assert_eq!(held_out(&capture), ["p01.png"], "a list of other captures");

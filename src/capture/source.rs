@@ -1,6 +1,7 @@
 //! What every pose format is read into: views with lens and pose in the frame of the capture, and points.
 //! Later steps do not depend on the format.
 
+use super::left_out::LeftOut;
 use super::lens::Lens;
 use super::photo_folder::Match;
 use crate::Report;
@@ -40,6 +41,56 @@ impl SourceView {
     }
 }
 
+/// Why a view is left out that the pose files describe.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Why {
+    Broken,
+    NoPhoto,
+    NoPose,
+    /// By the author.
+    Disabled,
+    /// By the author, as a bad photo.
+    Bad,
+    /// Aligned, but not with the others.
+    Apart,
+    /// On neither side of a split that lists both.
+    Unlisted,
+    Far,
+}
+
+impl Why {
+    /// For people: what the view is.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Broken => "broken",
+            Self::NoPhoto => "without a photo",
+            Self::NoPose => "without a pose",
+            Self::Disabled => "disabled by the author",
+            Self::Bad => "marked as bad by the author",
+            Self::Apart => "not aligned with the others",
+            Self::Unlisted => "on no side of the split",
+            Self::Far => "far from all others",
+        }
+    }
+}
+
+/// A view that the pose files describe and that is left out.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct UnusedView {
+    /// As it would be called if it were used, perhaps without the extension.
+    pub name: String,
+    pub why: Why,
+    /// Side of the split, where the format states one.
+    pub split: Option<Split>,
+}
+
+impl UnusedView {
+    /// A view of which nothing else is stated.
+    pub fn new(name: impl Into<String>, why: Why) -> Self {
+        Self { name: name.into(), why, split: None }
+    }
+}
+
 /// A capture as its pose files describe it.
 #[derive(Clone, Debug)]
 pub(crate) struct Source {
@@ -47,6 +98,8 @@ pub(crate) struct Source {
     pub path: PathBuf,
     pub views: Vec<SourceView>,
     pub points: Vec<SfmPoint>,
+    /// Points that cannot be read.
+    pub broken_points: LeftOut,
     /// Up as the format defines it, a unit vector, where it does.
     pub stated_up: Option<DVec3>,
     /// The program whose poses are in metres, where the format says so.
@@ -55,8 +108,8 @@ pub(crate) struct Source {
     pub points_file: Option<PathBuf>,
     /// Mean reprojection error of the points in pixels, where the format states it.
     pub reprojection_error_px: Option<f64>,
-    /// Names of views that were left out because their photo is missing.
-    pub without_photo: Vec<String>,
+    /// The views that the files describe beside `views`.
+    pub unused: Vec<UnusedView>,
     /// What in the files decided the split, for people; `None` where they state none.
     pub split_by: Option<String>,
     pub report: Report,
@@ -69,19 +122,30 @@ impl Source {
             path: path.to_owned(),
             views: Vec::new(),
             points: Vec::new(),
+            broken_points: LeftOut::default(),
             stated_up: None,
             metric: None,
             points_file: None,
             reprojection_error_px: None,
-            without_photo: Vec::new(),
+            unused: Vec::new(),
             split_by: None,
             report: Report::default(),
         }
     }
 
-    /// Number of views with a pose, with or without photo.
+    /// Leaves out a view.
+    pub fn leave_out(&mut self, name: impl Into<String>, why: Why) {
+        self.unused.push(UnusedView::new(name, why));
+    }
+
+    /// Names of the views that are left out for a reason.
+    pub fn names_unused(&self, why: Why) -> Vec<&str> {
+        self.unused.iter().filter(|v| v.why == why).map(|v| v.name.as_str()).collect()
+    }
+
+    /// Number of views with a pose that can be read, whether their photo is there or not.
     pub fn num_posed(&self) -> usize {
-        self.views.len() + self.without_photo.len()
+        self.views.len() + self.names_unused(Why::NoPhoto).len()
     }
 
     /// Leaves out points, also of what the views observe.

@@ -1,52 +1,90 @@
 //! Which views are held out.
 
 use super::options::LoadOptions;
-use super::paths::without_extension;
-use super::source::{SourceView, first_names};
-use crate::text::{path, quoted};
+use super::paths::{plain, without_extension};
+use super::source::{Source, SourceView, UnusedView, first_names, first_of};
+use crate::text::{counted, path, quoted};
 use crate::views::Split;
-use crate::{Result, input_file};
+use crate::{Report, Result, input_file};
+use std::collections::{HashMap, HashSet};
+use std::path::Path;
 
 /// A million names take less.
 const LIST_BYTES_MAX: u64 = 64 << 20;
 
-/// Decides the split of views sorted by name, and says what decided it: the user's list, else what the files state
-/// (`split_by`), else every n-th view is held out, from the first on.
+/// Decides the split of the views, which are sorted by name, and says what decided it: the user's list, else what the files
+/// state, else every n-th view is held out, from the first on. Warns of views that should be held out and were left out.
 pub(crate) fn assign(
-    views: &[SourceView],
-    split_by: Option<&str>,
+    source: &Source,
     options: &LoadOptions,
+    report: &mut Report,
 ) -> Result<(Vec<Split>, String)> {
+    let views = &source.views;
     if let Some(list) = &options.test_list {
-        let text = input_file::read_text(list, LIST_BYTES_MAX)?;
-        let names: Vec<&str> =
-            text.lines().map(str::trim).filter(|l| !l.is_empty() && !l.starts_with('#')).collect();
-        let unknown: Vec<&str> =
-            names.iter().copied().filter(|n| !views.iter().any(|v| is_named(v, n))).collect();
-        if !unknown.is_empty() {
-            return Err(invalid!(
-                list,
-                "no view is named {}; expected names such as {}, with or without extension",
-                first_names(unknown),
-                quoted(views.first().map_or("", |v| &v.name))
-            ));
-        }
-        let splits = views.iter().map(|v| side(names.iter().any(|n| is_named(v, n)))).collect();
-        return Ok((splits, format!("the names in {} (--test-list)", path(list))));
+        return Ok((listed(source, list, report)?, format!("the names in {} (--test-list)", path(list))));
     }
     if views.iter().any(|v| v.split.is_some()) {
         let splits = views.iter().map(|v| v.split.unwrap_or(Split::Train)).collect();
-        return Ok((splits, split_by.unwrap_or("the capture's files").to_owned()));
+        let split_by = source.split_by.as_deref().unwrap_or("the capture's files");
+        warn_of_unused(source.unused.iter().filter(|v| v.split == Some(Split::Test)), split_by, report);
+        return Ok((splits, split_by.to_owned()));
     }
     let every = options.test_every;
     let splits = (0..views.len()).map(|index| side(every > 0 && index % every == 0)).collect();
     Ok((splits, format!("--test-every {every}; the capture states no split")))
 }
 
+/// The split by the names in a file.
+fn listed(source: &Source, list: &Path, report: &mut Report) -> Result<Vec<Split>> {
+    let text = input_file::read_text(list, LIST_BYTES_MAX)?;
+    let names: Vec<&str> =
+        text.lines().map(str::trim).filter(|l| !l.is_empty() && !l.starts_with('#')).collect();
+    let called: HashSet<String> = source.views.iter().flat_map(|v| ways_to_call(&v.name)).collect();
+    // The extension of a photo that was not looked for is not known.
+    let stem_of = |name: &str| without_extension(&plain(name)).to_owned();
+    let unused: HashMap<String, &UnusedView> = source.unused.iter().map(|v| (stem_of(&v.name), v)).collect();
+    let (mut unknown, mut left_out) = (Vec::new(), Vec::new());
+    for &name in names.iter().filter(|name| !called.contains(&plain(name))) {
+        let named = [stem_of(name), plain(name)].iter().find_map(|way| unused.get(way).copied());
+        match named {
+            Some(view) => left_out.push(view),
+            None => unknown.push(name),
+        }
+    }
+    if !unknown.is_empty() {
+        return Err(invalid!(
+            list,
+            "no view is named {}; expected names such as {}, with or without extension",
+            first_names(unknown),
+            quoted(source.views.first().map_or("", |v| &v.name))
+        ));
+    }
+    warn_of_unused(left_out.into_iter(), &path(list), report);
+    let listed: HashSet<String> = names.iter().map(|name| plain(name)).collect();
+    let is_listed = |v: &SourceView| ways_to_call(&v.name).iter().any(|way| listed.contains(way));
+    Ok(source.views.iter().map(|v| side(is_listed(v))).collect())
+}
+
+fn warn_of_unused<'a>(views: impl Iterator<Item = &'a UnusedView>, split_by: &str, report: &mut Report) {
+    let shown: Vec<String> = views.map(|v| format!("{} is {}", quoted(&v.name), v.why.words())).collect();
+    if !shown.is_empty() {
+        let count = shown.len();
+        let what = format!(
+            "left out {} that should be held out ({split_by}): {}",
+            counted(count, "view"),
+            first_of(shown.into_iter())
+        );
+        report.warn("held-out-views-left-out", count, what);
+    }
+}
+
 fn side(is_test: bool) -> Split {
     if is_test { Split::Test } else { Split::Train }
 }
 
-fn is_named(view: &SourceView, name: &str) -> bool {
-    view.name == name || without_extension(&view.name) == name
+/// The names that a list may give a view.
+fn ways_to_call(name: &str) -> [String; 2] {
+    let name = plain(name);
+    let stem = without_extension(&name).to_owned();
+    [name, stem]
 }

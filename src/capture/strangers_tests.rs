@@ -7,25 +7,25 @@ use glam::{DQuat, DVec3};
 use std::path::Path;
 use tempfile::{TempDir, tempdir};
 
-fn load(root: &Path) -> Result<Capture> {
+pub(super) fn load(root: &Path) -> Result<Capture> {
     Capture::load(root, &LoadOptions::default())
 }
 
-fn text_model(scene: &Scene) -> TempDir {
+pub(super) fn text_model(scene: &Scene) -> TempDir {
     let folder = tempdir().unwrap();
     scene.write_text(&folder.path().join("sparse/0"));
     scene.write_photos(&folder.path().join("images"), (12, 8));
     folder
 }
 
-fn binary_model(scene: &Scene) -> TempDir {
+pub(super) fn binary_model(scene: &Scene) -> TempDir {
     let folder = tempdir().unwrap();
     scene.write(folder.path());
     folder
 }
 
 /// Replaces text in one of the model's files.
-fn replace(folder: &TempDir, file: &str, from: &str, to: &str) {
+pub(super) fn replace(folder: &TempDir, file: &str, from: &str, to: &str) {
     let path = folder.path().join("sparse/0").join(file);
     let text = std::fs::read_to_string(&path).unwrap();
     assert!(text.contains(from), "{from} is not in {file}");
@@ -33,12 +33,12 @@ fn replace(folder: &TempDir, file: &str, from: &str, to: &str) {
 }
 
 /// The message of the warning with this code and count.
-fn warning(capture: &Capture, code: &str, count: usize) -> String {
+pub(super) fn warning(capture: &Capture, code: &str, count: usize) -> String {
     let found = capture.report.warnings.iter().find(|w| w.code == code && w.count == count);
     found.map(|w| w.message.clone()).unwrap_or_else(|| panic!("no {code}: {:?}", capture.report))
 }
 
-fn has_warning(capture: &Capture, code: &str) -> bool {
+pub(super) fn has_warning(capture: &Capture, code: &str) -> bool {
     capture.report.warnings.iter().any(|w| w.code == code)
 }
 
@@ -196,6 +196,113 @@ fn one_broken_frame_of_a_json_leaves_its_view_out() {
     assert!(error.contains("12 of 12 views") && error.contains("frames[0]"), "{error}");
 }
 
+#[test]
+fn a_frame_of_another_shape_leaves_its_view_out() {
+    let change = |change: &dyn Fn(&mut serde_json::Value)| {
+        transforms(|mut json| {
+            change(&mut json["frames"][4]);
+            json.to_string()
+        })
+    };
+    let no_path = change(&|frame| drop(frame.as_object_mut().unwrap().remove("file_path")));
+    let wrong_matrix = change(&|frame| frame["transform_matrix"] = "x".into());
+    let wrong_field = change(&|frame| frame["fl_x"] = serde_json::json!({}));
+    let no_object = change(&|frame| *frame = 7.into());
+    for (folder, part) in [
+        (no_path, "frames[4] (\"\"): missing field `file_path`"),
+        (wrong_matrix, "frames[4] (\"images/p08.png\"): transform_matrix: "),
+        (wrong_field, "frames[4] (\"images/p08.png\"): fl_x: "),
+        (no_object, "frames[4] (\"\"): "),
+    ] {
+        let capture = load(folder.path()).unwrap();
+        assert_eq!(capture.views.len(), 11, "{part}");
+        assert!(warning(&capture, "views-left-out", 1).contains(part), "{:?}", capture.report);
+    }
+    let three = transforms(|mut json| {
+        (3..6).for_each(|index| json["frames"][index]["transform_matrix"] = "x".into());
+        json.to_string()
+    });
+    assert!(load(three.path()).err().unwrap().to_string().contains("3 of 12 views"), "negative control");
+}
+
+#[test]
+fn points_of_a_json_that_are_not_there_are_no_error() {
+    let with = |ply: &str| {
+        transforms(|mut json| {
+            json["ply_file_path"] = ply.into();
+            json.to_string()
+        })
+    };
+    let folder = with("points.ply");
+    let capture = load(folder.path()).unwrap();
+    assert_eq!((capture.views.len(), capture.points.len()), (12, 0));
+    assert!(warning(&capture, "points-file-missing", 1).contains("points.ply: "));
+    write_ply(&folder.path().join("points.ply"), &["0 0 1"]);
+    let capture = load(folder.path()).unwrap();
+    assert_eq!((capture.points.len(), has_warning(&capture, "points-file-missing")), (1, false));
+}
+
+#[test]
+fn lists_may_name_views_that_were_left_out() {
+    let mut scene = Scene::ring(24);
+    scene.images[5].camera_from_world.1 *= 1e4;
+    scene.images[6].camera_from_world.1.y = f64::NAN;
+    let folder = binary_model(&scene);
+    std::fs::remove_file(folder.path().join("images/p17.png")).unwrap();
+    let list = folder.path().join("list.txt");
+    let with = |text: &str| {
+        std::fs::write(&list, text).unwrap();
+        let options = LoadOptions { test_list: Some(list.clone()), ..LoadOptions::default() };
+        Capture::load(folder.path(), &options)
+    };
+    let capture = with("p01.png\n.\\p02.png\np19.png\np18\np17.png\n").unwrap();
+    assert_eq!(capture.views.iter().filter(|v| v.split == crate::views::Split::Test).count(), 2);
+    let message = warning(&capture, "held-out-views-left-out", 3);
+    for part in
+        ["\"p19.png\" is far from all others", "\"p18.png\" is broken", "\"p17.png\" is without a photo"]
+    {
+        assert!(message.contains(part), "{part}: {message}");
+    }
+    assert!(!has_warning(&with("p01.png\n").unwrap(), "held-out-views-left-out"), "negative control");
+    let error = with("p01.png\np17.png\np99.png\n").err().unwrap();
+    let text = error.to_string();
+    assert!(
+        error.exit_code() == 3 && text.contains("\"p99.png\"") && !text.contains("\"p17.png\""),
+        "{text}"
+    );
+}
+
+#[test]
+fn held_out_views_of_a_json_that_are_left_out_are_named() {
+    let folder = transforms(|mut json| {
+        json["test_filenames"] = serde_json::json!(["images/p08.png", "p01"]);
+        json["frames"][4]["transform_matrix"] = "x".into();
+        json.to_string()
+    });
+    let capture = load(folder.path()).unwrap();
+    assert_eq!(capture.views.iter().filter(|v| v.split == crate::views::Split::Test).count(), 1);
+    assert!(warning(&capture, "held-out-views-left-out", 1).contains("\"p08.png\" is broken"));
+    let whole = transforms(|mut json| {
+        json["test_filenames"] = serde_json::json!(["images/p08.png", "p01"]);
+        json.to_string()
+    });
+    assert!(!has_warning(&load(whole.path()).unwrap(), "held-out-views-left-out"), "negative control");
+}
+
+#[test]
+fn views_that_are_left_out_do_not_count_as_photos_without_a_pose() {
+    let mut scene = Scene::ring(24);
+    scene.images[5].camera_from_world.1 *= 1e4;
+    scene.images[6].camera_from_world.1.y = f64::NAN;
+    let folder = binary_model(&scene);
+    assert!(!has_warning(&load(folder.path()).unwrap(), "photos-not-registered"));
+    let images = folder.path().join("images");
+    std::fs::remove_file(images.join("p17.png")).unwrap();
+    std::fs::copy(images.join("p01.png"), images.join("q01.png")).unwrap();
+    let capture = load(folder.path()).unwrap();
+    assert!(warning(&capture, "photos-not-registered", 1).contains("1 of 24 photos"), "negative control");
+}
+
 const CSV_HEADER: &str = "#cameras 12\n#name,x,y,alt,heading,pitch,roll,f,px,py,k1,k2,k3,k4,t1,t2\n";
 
 /// A capture of RealityCapture's CSV with 12 rows, one of them changed.
@@ -251,7 +358,13 @@ fn points_beside_a_csv_are_used_or_named() {
     let folder = csv(|row| row);
     write_ply(&folder.path().join("init.ply"), &["0 0 1"]);
     write_ply(&folder.path().join("points.ply"), &["0 0 1", "0 0 2", "-nan(ind) 0 0"]);
-    assert!(load(folder.path()).err().unwrap().to_string().contains("points.ply: 1 of 3 points"));
+    let capture = load(folder.path()).unwrap();
+    assert!(capture.points.is_empty());
+    assert!(warning(&capture, "points-beside-unreadable", 1).contains("points.ply: 1 of 3 points"));
+    std::fs::write(folder.path().join("points.ply"), "no PLY").unwrap();
+    let capture = load(folder.path()).unwrap();
+    assert_eq!((capture.views.len(), capture.points.len()), (12, 0));
+    assert!(warning(&capture, "points-beside-unreadable", 1).contains("points.ply"));
     let mut rows = vec!["0 0 1"; 11];
     rows[3] = "0 -nan 0";
     write_ply(&folder.path().join("points.ply"), &rows);

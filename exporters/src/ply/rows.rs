@@ -2,7 +2,7 @@
 
 use super::header::{Element, Encoding, Header};
 use super::scalar::Scalar;
-use crate::{Describes, Error, Result, SPLATS_MAX, Section, quoted};
+use crate::{Describes, Error, Result, SPLATS_MAX, Section, parse_number, quoted};
 use std::path::Path;
 
 /// A file whose header has been parsed.
@@ -114,7 +114,7 @@ impl<'a> Rows<'a> {
         for splat in 0..self.vertex().count {
             let line = lines.next().unwrap_or_default();
             values.clear();
-            values.extend(line.split_ascii_whitespace().map_while(number));
+            values.extend(line.split_ascii_whitespace().map_while(parse_number));
             if values.len() != expected {
                 return invalid(format!("splat {splat}: {} numbers, expected {expected}", values.len()));
             }
@@ -159,19 +159,6 @@ impl<'a> Rows<'a> {
         add("other", u64::MAX, Describes::Other);
         sections
     }
-}
-
-/// A number as text. C libraries of Windows write NaN and infinity as `-nan(ind)`, `1.#QNAN` or `-1.#INF`.
-fn number(word: &str) -> Option<f64> {
-    word.parse().ok().or_else(|| {
-        let bare = word.trim_start_matches(['+', '-']).to_ascii_lowercase();
-        let sign = if word.starts_with('-') { -1.0 } else { 1.0 };
-        match bare.strip_prefix("1.#") {
-            Some(kind) if kind.starts_with("inf") => Some(sign * f64::INFINITY),
-            Some(_) => Some(f64::NAN),
-            None => bare.starts_with("nan(").then_some(f64::NAN),
-        }
-    })
 }
 
 /// The part of the file to which a property of vertices belongs.

@@ -91,15 +91,14 @@ impl<'a> Bytes<'a> {
         Ok(stated as usize)
     }
 
-    /// The text up to a zero byte.
-    pub fn text(&mut self, element: &dyn Fn() -> String) -> Result<String> {
+    /// The bytes of a text up to a zero byte.
+    pub fn text(&mut self, element: &dyn Fn() -> String) -> Result<&'a [u8]> {
         let rest = &self.data[self.at..];
         let Some(length) = rest.iter().position(|&b| b == 0) else {
             return Err(self.invalid(format!("the file ends inside {}; copy the file again", element())));
         };
         self.at += length + 1;
-        String::from_utf8(rest[..length].to_vec())
-            .map_err(|_| self.invalid(format!("{} is not UTF-8 text", element())))
+        Ok(&rest[..length])
     }
 
     /// Fails unless the file ends here.

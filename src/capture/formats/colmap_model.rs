@@ -4,14 +4,86 @@ use crate::text::quoted;
 use crate::{Error, Result};
 use std::path::Path;
 
+/// What a file lists, and those of its parts that cannot be read.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Parts<T> {
+    pub good: Vec<T>,
+    pub broken: Vec<Broken>,
+}
+
+impl<T> Default for Parts<T> {
+    fn default() -> Self {
+        Self { good: Vec::new(), broken: Vec::new() }
+    }
+}
+
+impl<T> Parts<T> {
+    /// Number of all parts.
+    pub fn count(&self) -> usize {
+        self.good.len() + self.broken.len()
+    }
+}
+
+/// A part of a file that cannot be read, where those after it can.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Broken {
+    /// As far as they can be read.
+    pub id: Option<u64>,
+    pub name: Option<String>,
+    /// Where it is, with the name of the file ("images.txt: line 7").
+    pub place: String,
+    pub what: String,
+}
+
+impl Broken {
+    /// For people; `noun` is what it is ("image").
+    pub fn element(&self, noun: &str) -> String {
+        match (self.id, &self.name) {
+            (Some(id), Some(name)) => format!("{noun} {id} ({})", quoted(name)),
+            (Some(id), None) => format!("{noun} {id}"),
+            (None, _) => self.place.clone(),
+        }
+    }
+
+    /// What is wrong, and where unless [`Self::element`] says so.
+    pub fn problem(&self) -> String {
+        match self.id {
+            Some(_) => format!("{}: {}", self.place, self.what),
+            None => self.what.clone(),
+        }
+    }
+}
+
 /// A camera, its parameters in COLMAP's order.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ColmapCamera {
     pub id: u32,
-    pub model: ColmapModel,
+    /// Or the name of one that is not known.
+    pub model: Result<ColmapModel, String>,
     pub width: u64,
     pub height: u64,
     pub params: Vec<f64>,
+}
+
+impl ColmapCamera {
+    /// The name of its model.
+    pub fn model_name(&self) -> &str {
+        self.model.as_ref().map_or_else(String::as_str, |model| model.name)
+    }
+
+    /// Whether photos with its model can be undistorted; what no photo uses need not be.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] that names the camera and a remedy.
+    pub fn check_supported(&self, path: &Path) -> Result<()> {
+        match &self.model {
+            Ok(model) if model.is_supported => Ok(()),
+            Ok(ColmapModel { number, name, .. }) => {
+                Err(unsupported(path, self.id, &format!("number {number} ({name})"), CUT))
+            }
+            Err(name) => Err(unsupported(path, self.id, &quoted(name), UNDISTORT)),
+        }
+    }
 }
 
 /// A registered image and its pose.
@@ -39,9 +111,9 @@ pub(crate) struct ColmapPoint {
 /// A whole sparse model.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ColmapSparse {
-    pub cameras: Vec<ColmapCamera>,
-    pub images: Vec<ColmapImage>,
-    pub points: Vec<ColmapPoint>,
+    pub cameras: Parts<ColmapCamera>,
+    pub images: Parts<ColmapImage>,
+    pub points: Parts<ColmapPoint>,
 }
 
 /// A camera model of COLMAP.
@@ -102,22 +174,18 @@ fn unsupported(path: &Path, camera_id: u32, shown: &str, remedy: &str) -> Error 
 
 impl ColmapModel {
     /// The model of a number, as binary files name it.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] if it is not known, since nobody knows where the next camera begins.
     pub fn by_number(number: i32, path: &Path, camera_id: u32) -> Result<Self> {
-        Self::find(path, camera_id, &format!("number {number}"), |m| m.number == number)
+        MODELS.into_iter().find(|m| m.number == number).ok_or_else(|| {
+            let shown = format!("number {number}, past which the file cannot be read");
+            unsupported(path, camera_id, &shown, UNDISTORT)
+        })
     }
 
     /// The model of a name, as text files have it.
-    pub fn by_name(name: &str, path: &Path, camera_id: u32) -> Result<Self> {
-        Self::find(path, camera_id, &quoted(name), |m| m.name == name)
-    }
-
-    fn find(path: &Path, camera_id: u32, shown: &str, is: impl Fn(&Self) -> bool) -> Result<Self> {
-        MODELS.into_iter().find(|m| is(m)).ok_or_else(|| unsupported(path, camera_id, shown, UNDISTORT))
-    }
-
-    /// Whether photos with this model can be undistorted; what no photo uses need not be.
-    pub fn check_supported(self, path: &Path, camera_id: u32) -> Result<()> {
-        let shown = format!("number {} ({})", self.number, self.name);
-        self.is_supported.then_some(()).ok_or_else(|| unsupported(path, camera_id, &shown, CUT))
+    pub fn by_name(name: &str) -> Option<Self> {
+        MODELS.into_iter().find(|m| m.name == name)
     }
 }

@@ -1,10 +1,11 @@
 //! JSON with what Python and C++ write into it for numbers that are not finite: `NaN`, `-Infinity`, `-nan(ind)`, `1e999`.
 
 use super::bytes::read_text;
-use super::numbers;
 use crate::Result;
+use litetex_exporters::parse_number;
 use serde::de::{Deserializer, Error, Visitor};
 use serde::{Deserialize, de};
+use serde_json::Value;
 use std::borrow::Cow;
 use std::fmt;
 use std::path::Path;
@@ -42,7 +43,7 @@ impl<'de> Deserialize<'de> for Number {
             }
 
             fn visit_str<E: Error>(self, text: &str) -> Result<Number, E> {
-                numbers::parse(text)
+                parse_number(text)
                     .map(Number)
                     .ok_or_else(|| E::invalid_value(de::Unexpected::Str(text), &self))
             }
@@ -53,6 +54,43 @@ impl<'de> Deserialize<'de> for Number {
         }
         deserializer.deserialize_any(Any)
     }
+}
+
+/// A part of a file that may be broken while the others are not, or what is wrong with it.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Part<T>(pub Result<T, String>);
+
+impl<'de, T: de::DeserializeOwned> Deserialize<'de> for Part<T> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        Value::deserialize(deserializer).map(|value| Self(parsed(value)))
+    }
+}
+
+/// A value as what it should be, or what is wrong with it and with which of its fields.
+///
+/// # Errors
+/// See above.
+pub(crate) fn parsed<T: de::DeserializeOwned>(value: Value) -> Result<T, String> {
+    T::deserialize(&value).map_err(|e| {
+        let problem = e.to_string();
+        match field_at_fault::<T>(&value, &problem) {
+            Some(field) => format!("{field}: {problem}"),
+            None => problem,
+        }
+    })
+}
+
+/// The field without which the problem is another one, or none.
+fn field_at_fault<'a, T: de::DeserializeOwned>(value: &'a Value, problem: &str) -> Option<&'a String> {
+    // Frames have some 30 fields.
+    const FIELDS_MAX: usize = 100;
+    let fields = value.as_object().filter(|fields| fields.len() <= FIELDS_MAX)?;
+    fields.keys().find(|field| {
+        let mut rest = fields.clone();
+        rest.remove(*field);
+        let other = T::deserialize(Value::Object(rest)).err().map(|e| e.to_string());
+        other.is_none_or(|other| other != problem && !other.starts_with("missing field"))
+    })
 }
 
 /// The text with tokens for NaN and infinity in quotes, which makes it JSON; everything else as it is.
@@ -68,7 +106,7 @@ fn quoted_tokens(text: &str) -> Cow<'_, str> {
         let length = bytes[at..].iter().take_while(|&&b| is_of_token(b)).count();
         // `None` within a character of several bytes, which belongs to no token.
         let token = text.get(at..at + length).unwrap_or_default();
-        if numbers::parse(token).is_some_and(|value| !value.is_finite()) {
+        if parse_number(token).is_some_and(|value| !value.is_finite()) {
             out.push_str(&text[copied..at]);
             out.extend(["\"", token, "\""]);
             copied = at + length;
@@ -105,6 +143,26 @@ mod tests {
         }
         for text in ["", "\"", "\"a\\", "NaN", "[é", "{NaN: \"\\"] {
             let _ = quoted_tokens(text);
+        }
+    }
+
+    #[test]
+    fn a_broken_part_says_what_is_wrong_and_leaves_the_others_whole() {
+        #[derive(Debug, Deserialize, PartialEq)]
+        struct Camera {
+            name: String,
+            focal: Option<Number>,
+        }
+        let text =
+            r#"[{"name": "a", "focal": 2}, {"focal": 2}, {"name": "c", "focal": "x"}, 7, {"name": "e"}]"#;
+        let read: Vec<Part<Camera>> = serde_json::from_str(text).unwrap();
+        assert_eq!(read[0].0, Ok(Camera { name: "a".to_owned(), focal: Some(Number(2.0)) }));
+        assert!(read[4].0.is_ok(), "negative control");
+        for (index, what) in
+            [(1, "missing field `name`"), (2, "focal: invalid value: string \"x\""), (3, "integer `7`")]
+        {
+            let problem = read[index].0.as_ref().unwrap_err();
+            assert!(problem.contains(what), "{problem}");
         }
     }
 

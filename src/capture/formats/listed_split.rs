@@ -1,16 +1,15 @@
 //! Lists of photos that say which frames of a `transforms.json` are held out: in the file itself (nerfstudio), or in a
 //! file beside it (ScanNet++, Eyeful Tower).
 
+use super::by_name::ByName;
 use super::bytes::read_text;
 use crate::capture::folder::CaptureFolder;
-use crate::capture::paths::without_extension;
 use crate::capture::source::first_names;
-use crate::text::{counted, quoted};
+use crate::text::{self, counted, quoted};
 use crate::views::Split;
 use crate::{Report, Result};
 use serde::Deserialize;
 use serde_json::Value;
-use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 /// Files of lists beside the poses, of ScanNet++ and Eyeful Tower; ScanNet++'s also in the folder above.
@@ -32,113 +31,30 @@ struct Lists {
     test: Option<Vec<String>>,
 }
 
-/// What a frame says of itself.
-#[derive(Debug, Default, Deserialize)]
-pub(super) struct Flags {
-    /// "train", "val" or "test".
-    split: Option<Value>,
-    /// Blurred or in shadow, according to its author (ScanNet++).
-    is_bad: Option<Value>,
-}
-
-/// What becomes of a frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Use {
-    /// A view, on a side of the split where the files state one.
-    View(Option<Split>),
-    LeftOut,
-}
-
-/// What becomes of the frames of a pose file, and what decided the split.
-#[derive(Debug)]
-pub(super) struct Uses {
-    pub frames: Vec<Use>,
-    /// For people; `None` where the files state no split.
-    pub split_by: Option<String>,
-}
-
-/// Decides what becomes of the frames of the pose file at `path`, given by stored path and flags; those from `first_test`
-/// on are from its list `test_frames` (ScanNet++). `beside`: the folder whose lists count where the file has none.
-///
-/// # Errors
-/// [`crate::Error::InvalidInput`] if a list matches no frame, or no frame is left.
-pub(super) fn uses(
-    path: &Path,
-    frames: &[(&str, &Flags)],
-    first_test: usize,
-    filenames: Filenames,
-    beside: Option<&CaptureFolder>,
-    report: &mut Report,
-) -> Result<Uses> {
-    let names: Vec<&str> = frames.iter().map(|frame| frame.0).collect();
-    let flagged = |flags: &Flags| match flags.split.as_ref().and_then(Value::as_str) {
-        Some("train") => Some(Split::Train),
-        Some("val" | "validation" | "eval" | "test") => Some(Split::Test),
-        _ => None,
+/// Warns of lists that hold something else than names. No published layout has lists of indices in these files, and frames
+/// may be counted in the order of the file or by name.
+fn warn_of_other_lists(path: &Path, value: &Value, report: &mut Report) {
+    let is_other = |key: &&str| {
+        let list = value.get(key).and_then(Value::as_array);
+        list.is_some_and(|list| list.iter().any(|entry| !entry.is_string()))
     };
-    let file = quoted(&path.file_name().unwrap_or_default().to_string_lossy());
-    let side_of = |is_test: bool| Some(if is_test { Split::Test } else { Split::Train });
-    let (sides, split_by) = if let Some(lists) = ListedSplit::of_poses(path, filenames) {
-        (lists.sides(&names, report)?, Some(lists.words()))
-    } else if first_test < frames.len() {
-        let sides = (0..frames.len()).map(|index| side_of(index >= first_test)).collect();
-        (sides, Some(format!("test_frames of {file}")))
-    } else if frames.iter().any(|frame| flagged(frame.1).is_some()) {
-        let sides = frames.iter().map(|frame| flagged(frame.1).or(Some(Split::Train))).collect();
-        (sides, Some(format!("the key split of the frames of {file}")))
-    } else if let Some(lists) = beside.map(ListedSplit::beside).transpose()?.flatten() {
-        if lists.name_any(&names) {
-            (lists.sides(&names, report)?, Some(lists.words()))
-        } else {
-            let what = format!("{} name no frame of {file}: they split nothing", lists.words());
-            report.warn("split-list-of-others", 1, what);
-            (vec![None; frames.len()], None)
-        }
-    } else {
-        (vec![None; frames.len()], None)
-    };
-    let is_bad: Vec<bool> = frames.iter().map(|frame| frame.1.is_bad.as_ref().is_some_and(is_true)).collect();
-    let is_out = |index: usize| is_bad[index] || (split_by.is_some() && sides[index].is_none());
-    let frames: Vec<Use> = (0..frames.len())
-        .map(|index| if is_out(index) { Use::LeftOut } else { Use::View(sides[index]) })
-        .collect();
-    let named = |is: &dyn Fn(usize) -> bool| -> Vec<&str> {
-        (0..names.len()).filter(|&index| is(index)).map(|index| names[index]).collect()
-    };
-    let mut warn = |code, why: &str, out: Vec<&str>| {
-        if !out.is_empty() {
-            let total = counted(names.len(), "frame");
-            let what = format!("{} of {total} {why}: {}", out.len(), first_names(out.iter().copied()));
-            report.warn(code, out.len(), what);
-        }
-    };
-    let bad = named(&|index| is_bad[index]);
-    let unlisted = named(&|index| is_out(index) && !is_bad[index]);
-    if !names.is_empty() && bad.len() + unlisted.len() == names.len() {
-        return Err(invalid!(
-            path,
-            "no frame is left: {} of {} are marked as bad (is_bad), the others are in no list of the split; correct the file",
-            bad.len(),
-            names.len()
-        ));
+    let keys: Vec<&str> = ["train", "val", "test"].into_iter().filter(is_other).collect();
+    if let Some(key) = keys.first() {
+        let found = value[*key].as_array().into_iter().flatten().find(|entry| !entry.is_string());
+        let what = format!(
+            "{}: {} hold {}, expected names of photos: the file splits nothing; name the views to hold out with \
+             --test-list",
+            text::path(path),
+            keys.join(" and "),
+            text::shortened(&found.map(Value::to_string).unwrap_or_default(), 40)
+        );
+        report.warn("split-list-without-names", keys.len(), what);
     }
-    warn("frames-marked-bad", "are marked as bad by their author (is_bad) and left out", bad);
-    warn(
-        "frames-in-no-split",
-        "are neither among the training nor among the test frames and left out",
-        unlisted,
-    );
-    Ok(Uses { frames, split_by })
-}
-
-/// JSON's `true`, also as a number.
-fn is_true(value: &Value) -> bool {
-    value.as_bool().unwrap_or_else(|| value.as_f64().is_some_and(|number| number != 0.0))
 }
 
 /// Lists of names, and where they are from.
 #[derive(Debug)]
-struct ListedSplit {
+pub(super) struct ListedSplit {
     path: PathBuf,
     lists: Vec<List>,
 }
@@ -152,7 +68,7 @@ struct List {
 
 impl ListedSplit {
     /// The lists of the pose file at `path`; `None` if it has none.
-    fn of_poses(path: &Path, names: Filenames) -> Option<Self> {
+    pub(super) fn of_poses(path: &Path, names: Filenames) -> Option<Self> {
         Self::new(
             path,
             [
@@ -167,11 +83,18 @@ impl ListedSplit {
     ///
     /// # Errors
     /// If the file cannot be read.
-    fn beside(folder: &CaptureFolder) -> Result<Option<Self>> {
+    pub(super) fn beside(folder: &CaptureFolder, report: &mut Report) -> Result<Option<Self>> {
         for name in FILES {
             // An archive has no folder above it.
             let Some(path) = folder.file(name).ok().filter(|path| path.is_file()) else { continue };
-            let Ok(lists) = serde_json::from_str::<Lists>(&read_text(&path)?) else { continue };
+            let Ok(value) = serde_json::from_str::<Value>(&read_text(&path)?) else { continue };
+            let lists = match Lists::deserialize(&value) {
+                Ok(lists) => lists,
+                Err(_) => {
+                    warn_of_other_lists(&path, &value, report);
+                    continue;
+                }
+            };
             let found = Self::new(
                 &path,
                 [
@@ -198,13 +121,13 @@ impl ListedSplit {
     }
 
     /// Whether any of the names is that of a frame. A list beside the poses may be that of other captures.
-    fn name_any(&self, frames: &[&str]) -> bool {
+    pub(super) fn name_any(&self, frames: &[&str]) -> bool {
         let by_name = ByName::new(frames);
         self.lists.iter().flat_map(|list| &list.names).any(|name| !by_name.find(name).is_empty())
     }
 
     /// What decided the split, for people: "train_filenames and val_filenames of transforms.json".
-    fn words(&self) -> String {
+    pub(super) fn words(&self) -> String {
         let keys: Vec<&str> = self.lists.iter().map(|list| list.key).collect();
         let file = self.path.file_name().unwrap_or_default().to_string_lossy();
         format!("{} of {}", keys.join(" and "), quoted(&file))
@@ -215,7 +138,7 @@ impl ListedSplit {
     ///
     /// # Errors
     /// [`crate::Error::InvalidInput`] if a list matches no frame.
-    fn sides(&self, frames: &[&str], report: &mut Report) -> Result<Vec<Option<Split>>> {
+    pub(super) fn sides(&self, frames: &[&str], report: &mut Report) -> Result<Vec<Option<Split>>> {
         let by_name = ByName::new(frames);
         let mut sides = vec![None; frames.len()];
         let mut unknown = Vec::new();
@@ -248,7 +171,7 @@ impl ListedSplit {
             let what = format!(
                 "{} of the split in {} match no frame: {}",
                 counted(unknown.len(), "name"),
-                crate::text::path(&self.path),
+                text::path(&self.path),
                 first_names(unknown.iter().copied())
             );
             report.warn("split-names-unknown", unknown.len(), what);
@@ -264,42 +187,6 @@ impl ListedSplit {
     }
 }
 
-/// Frames by all names that a list may call them: the stored path and its ends, with and without extension.
-struct ByName {
-    frames: HashMap<String, Vec<usize>>,
-}
-
-impl ByName {
-    fn new(paths: &[&str]) -> Self {
-        let mut frames = HashMap::<String, Vec<usize>>::new();
-        for (index, path) in paths.iter().enumerate() {
-            for key in keys(path) {
-                let known = frames.entry(key).or_default();
-                if known.last() != Some(&index) {
-                    known.push(index);
-                }
-            }
-        }
-        Self { frames }
-    }
-
-    /// The frames that a listed name means: the longest end of it that a frame has too. The extension tells frames apart
-    /// only where it must.
-    fn find(&self, listed: &str) -> &[usize] {
-        keys(listed).iter().find_map(|key| self.frames.get(key)).map_or(&[], Vec::as_slice)
-    }
-}
-
-/// A path and its ends (`a/b/c.png`, `b/c.png`, `c.png`), longest first, each followed by itself without extension.
-fn keys(path: &str) -> Vec<String> {
-    let path = super::transforms::plain(path);
-    let starts = std::iter::once(0).chain(path.match_indices('/').map(|(at, _)| at + 1));
-    starts
-        .flat_map(|start| [path[start..].to_owned(), without_extension(&path[start..]).to_owned()])
-        .filter(|key| !key.is_empty())
-        .collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -310,7 +197,7 @@ mod tests {
         ListedSplit::new(Path::new("transforms.json"), owned).unwrap()
     }
 
-    fn sides(lists: [&[&str]; 3], frames: &[&str]) -> Result<String> {
+    pub(super) fn sides(lists: [&[&str]; 3], frames: &[&str]) -> Result<String> {
         let [train, val, test] = lists;
         let lists = listed([
             ("train_filenames", Split::Train, train),

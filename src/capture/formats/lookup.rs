@@ -4,7 +4,7 @@
 use crate::Result;
 use crate::capture::folder::CaptureFolder;
 use crate::capture::photo_folder::{Match, PhotoFolder};
-use crate::capture::source::Source;
+use crate::capture::source::{Source, Why};
 use std::fs::File;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
@@ -62,7 +62,7 @@ pub(crate) fn find(photos: &PhotoFolder, label: &str) -> Result<Option<(String, 
 /// # Errors
 /// See above.
 pub(crate) fn require_photos(source: &Source, photos: &PhotoFolder, remedy: &str) -> Result<()> {
-    match source.without_photo.first().filter(|_| source.views.is_empty()) {
+    match source.names_unused(Why::NoPhoto).first().filter(|_| source.views.is_empty()) {
         Some(first) => Err(invalid!(photos.path(), "no photos, expected {first}.jpg and others; {remedy}")),
         None => Ok(()),
     }

@@ -10,14 +10,14 @@
 use super::axes::{from_opencv, from_rows};
 use super::lookup::{begins_with_all, files, find as find_photo, photo_folder};
 use super::metashape_lens::lens;
-use super::unused::Unused;
+use super::unused;
 use super::xml::{self, child, numbers, text_of};
 use crate::camera::RigidTransform;
 use crate::capture::folder::CaptureFolder;
 use crate::capture::left_out::LeftOut;
 use crate::capture::lens::Lens;
 use crate::capture::pose_format::{Found, PoseFormat};
-use crate::capture::source::{Source, SourceView};
+use crate::capture::source::{Source, SourceView, Why};
 use crate::text::quoted;
 use crate::{Report, Result};
 use glam::{DMat3, DVec3};
@@ -78,12 +78,15 @@ impl Placement {
     }
 }
 
+/// A placement, or what is wrong with it.
+type Stated = Result<Placement, String>;
+
 /// A chunk, whose cameras were aligned together, and its parts by their ids.
 struct Chunk<'a, 'input> {
     sensors: BTreeMap<&'a str, Node<'a, 'input>>,
-    components: BTreeMap<&'a str, Option<Placement>>,
+    components: BTreeMap<&'a str, Option<Stated>>,
     /// Of cameras whose component has none.
-    placement: Option<Placement>,
+    placement: Option<Stated>,
     is_local: bool,
     cameras: Vec<Node<'a, 'input>>,
     /// Of the photos, by the ids of their cameras; exports state none, projects do.
@@ -91,22 +94,22 @@ struct Chunk<'a, 'input> {
 }
 
 impl<'a, 'input> Chunk<'a, 'input> {
-    fn of(chunk: Node<'a, 'input>) -> Result<Self, String> {
+    fn of(chunk: Node<'a, 'input>) -> Self {
         let by_id = |parent: &str, name: &'static str| {
             let nodes = child(chunk, parent).into_iter().flat_map(|p| p.descendants());
             nodes.filter(move |n| n.has_tag_name(name)).map(|n| (n.attribute("id").unwrap_or_default(), n))
         };
-        let placement = |node: Node<'_, '_>| child(node, "transform").map(Placement::of).transpose();
-        Ok(Self {
+        let placement = |node: Node<'_, '_>| child(node, "transform").map(Placement::of);
+        Self {
             sensors: by_id("sensors", "sensor").collect(),
             components: by_id("components", "component")
-                .map(|(id, component)| Ok((id, placement(component)?)))
-                .collect::<Result<_, String>>()?,
-            placement: placement(chunk)?,
+                .map(|(id, component)| (id, placement(component)))
+                .collect(),
+            placement: placement(chunk),
             is_local: child(chunk, "reference").is_some_and(|r| text_of(r).starts_with("LOCAL_CS")),
             cameras: by_id("cameras", "camera").map(|(_, camera)| camera).collect(),
             paths: chunk.descendants().filter_map(photo_path).collect(),
-        })
+        }
     }
 
     /// What names the photo of a camera: its path where it is stated, or else the label.
@@ -115,7 +118,7 @@ impl<'a, 'input> Chunk<'a, 'input> {
         path.unwrap_or(camera.attribute("label").unwrap_or_default())
     }
 
-    fn placement(&self, camera: Node<'_, '_>) -> Option<&Placement> {
+    fn placement(&self, camera: Node<'_, '_>) -> Option<&Stated> {
         let own = camera.attribute("component_id").and_then(|id| self.components.get(id));
         own.and_then(Option::as_ref).or(self.placement.as_ref())
     }
@@ -148,7 +151,8 @@ impl<'a, 'input> Chunk<'a, 'input> {
         let axes = from_rows([[m[0], m[1], m[2]], [m[4], m[5], m[6]], [m[8], m[9], m[10]]]);
         let centre = DVec3::new(m[3], m[7], m[11]);
         match self.placement(camera) {
-            Some(Placement { rotation, translation, scale }) => {
+            Some(Err(problem)) => Err(problem.clone()),
+            Some(Ok(Placement { rotation, translation, scale })) => {
                 from_opencv(*rotation * axes, *rotation * (centre * *scale) + *translation)
             }
             None => from_opencv(axes, centre),
@@ -173,13 +177,11 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
     let text = xml::read(path)?;
     let document = xml::parse(path, &text)?;
     let mut source = Source::at(path);
-    let chunk = Chunk::of(largest_chunk(path, document.root_element(), &mut source.report)?)
-        .map_err(|e| invalid!(path, "{e}; export the cameras again"))?;
+    let chunk = Chunk::of(largest_chunk(path, document.root_element(), &mut source.report)?);
     let photos = photo_folder(folder, &["images"]);
-    let (mut left_out, mut unused) = (LeftOut::default(), Unused::default());
+    let mut left_out = LeftOut::default();
     let mut lenses = BTreeMap::<&str, Result<Lens, String>>::new();
     let aligned: BTreeSet<usize> = chunk.aligned().iter().map(|c| c.id().get_usize()).collect();
-    let mut num_apart = 0;
     let mut num_of_name = BTreeMap::<&str, usize>::new();
     let is_used = |c: &&Node<'_, '_>| aligned.contains(&c.id().get_usize()) && !is_disabled(**c);
     for &camera in chunk.cameras.iter().filter(is_used) {
@@ -188,22 +190,23 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
     for &camera in &chunk.cameras {
         let label = camera.attribute("label").unwrap_or_default();
         if child(camera, "transform").is_none() {
-            unused.unposed.push(label.to_owned());
+            source.leave_out(label, Why::NoPose);
             continue;
         }
         if is_disabled(camera) {
-            unused.disabled.push(label.to_owned());
+            source.leave_out(label, Why::Disabled);
             continue;
         }
         if !aligned.contains(&camera.id().get_usize()) {
-            num_apart += 1;
+            source.leave_out(label, Why::Apart);
             continue;
         }
         let named = chunk.name_of_photo(camera);
         if num_of_name[named] > 1 {
             let element = format!("camera {} ({})", camera.attribute("id").unwrap_or("?"), quoted(named));
-            left_out.push(
+            left_out.push_view(
                 element,
+                named,
                 format!(
                     "{} cameras have this label, and no path says whose photo it is; rename them",
                     num_of_name[named]
@@ -223,16 +226,17 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
         let (camera_from_capture, lens) = match usable {
             Ok(usable) => usable,
             Err(what) => {
-                left_out.push(format!("camera {}", quoted(label)), what);
+                left_out.push_view(format!("camera {}", quoted(label)), label, what);
                 continue;
             }
         };
         let Some((name, photo)) = find_photo(&photos, named)? else {
-            source.without_photo.push(named.to_owned());
+            source.leave_out(named, Why::NoPhoto);
             continue;
         };
         source.views.push(SourceView::new(name, photo, lens, camera_from_capture));
     }
+    let num_apart = source.names_unused(Why::Apart).len();
     if num_apart > 0 {
         let what = format!(
             "left out {} in other components than the largest: align them in Metashape",
@@ -240,9 +244,9 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
         );
         source.report.warn("cameras-in-other-components", num_apart, what);
     }
-    let total = source.views.len() + source.without_photo.len() + left_out.count();
-    left_out.finish(path, "views", total, &mut source.report)?;
-    unused.report(&mut source.report);
+    let total = source.num_posed() + left_out.count();
+    left_out.finish_views(path, total, &mut source)?;
+    unused::report(&mut source);
     source.stated_up = chunk.up(&source.views);
     Ok(source)
 }

@@ -2,17 +2,21 @@
 //! use it; everything beyond the files is decided elsewhere.
 
 mod axes;
+mod by_name;
 pub(crate) mod bytes;
 mod colmap;
 mod colmap_bin;
+mod colmap_find;
+mod colmap_lens;
 mod colmap_model;
 mod colmap_txt;
+mod film;
+mod frame_uses;
 mod json;
 mod listed_split;
 mod lookup;
 mod metashape;
 mod metashape_lens;
-mod numbers;
 pub(crate) mod ply;
 mod polycam;
 mod reality_capture;
@@ -20,15 +24,16 @@ mod reality_xmp;
 mod record3d;
 mod scannetpp;
 mod transforms;
+mod transforms_lens;
 mod unused;
 mod xml;
 
 use super::pose_format::PoseFormat;
-pub(crate) use colmap::find_elsewhere as find_colmap_elsewhere;
+pub(crate) use colmap_find::find_elsewhere as find_colmap_elsewhere;
 
 /// All pose formats. Where a capture has poses in several, the first one wins.
 pub(crate) static FORMATS: &[PoseFormat] = &[
-    colmap::FORMAT,
+    colmap_find::FORMAT,
     transforms::FORMAT,
     reality_capture::FORMAT,
     metashape::FORMAT,

@@ -2,11 +2,11 @@
 //! PLY files of splats are read by `exporters`.
 
 use super::bytes::read_file;
-use super::numbers;
 use crate::text::quoted;
 use crate::views::SfmPoint;
 use crate::{Error, Result};
 use glam::DVec3;
+use litetex_exporters::parse_number;
 use litetex_exporters::ply::{Element, Encoding, Header, Kind, Property, Scalar};
 use std::path::Path;
 
@@ -30,7 +30,7 @@ impl<'a> Values<'a> {
     /// The next number; `None` at the end of the file or if there is none.
     fn next(&mut self, scalar: Scalar) -> Option<f64> {
         if self.encoding == Encoding::Ascii {
-            return numbers::parse(self.word()?);
+            return parse_number(self.word()?);
         }
         let size = scalar.num_bytes();
         let stored = self.data.get(self.at..self.at + size)?;

@@ -14,12 +14,12 @@ use crate::capture::lens::{Distortion, Lens};
 use crate::capture::photo_folder::Match;
 use crate::capture::photos::photo_size;
 use crate::capture::pose_format::{Found, PoseFormat};
-use crate::capture::source::{Source, SourceView};
+use crate::capture::source::{Source, SourceView, Why};
 use crate::text::quoted;
 use crate::{Report, Result, input_file};
 use glam::DVec3;
 use serde::Deserialize;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// See [`PoseFormat`].
 pub(crate) const FORMAT: PoseFormat = PoseFormat {
@@ -63,8 +63,9 @@ fn find(path: &Path, _: &mut Report) -> Option<Found> {
     let keyframes = [path.join("keyframes"), path.to_owned()];
     let (keyframes, cameras, photos) = keyframes.iter().find_map(|keyframes| {
         let complete = FOLDERS.iter().find(|(cameras, photos)| {
-            let first = files(&keyframes.join(cameras), "json", 0).into_iter().next();
-            keyframes.join(photos).is_dir() && first.is_some_and(|p| begins_with_all(&p, &["\"t_00\""]))
+            let is_camera = |path: &PathBuf| begins_with_all(path, &["\"t_00\""]);
+            keyframes.join(photos).is_dir()
+                && files(&keyframes.join(cameras), "json", 0).iter().any(is_camera)
         });
         complete.map(|(cameras, photos)| (keyframes.clone(), *cameras, *photos))
     })?;
@@ -83,26 +84,29 @@ fn read(cameras: &Path, photos: &str, folder: &CaptureFolder) -> Result<Source> 
     for path in files(cameras, "json", 0) {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let Some(photo) = photos.find(&stem)? else {
-            source.without_photo.push(stem);
+            source.leave_out(stem, Why::NoPhoto);
             continue;
         };
         match view(&path, &photo)? {
             Ok(view) => source.views.push(view),
-            Err(what) => left_out.push(format!("camera {}", quoted(&stem)), what),
+            Err(what) => left_out.push_view(format!("camera {}", quoted(&stem)), &stem, what),
         }
     }
-    let total = source.views.len() + source.without_photo.len() + left_out.count();
-    left_out.finish(cameras, "views", total, &mut source.report)?;
+    let total = source.num_posed() + left_out.count();
+    left_out.finish_views(cameras, total, &mut source)?;
     require_photos(&source, &photos, "name their folder with --images")?;
     Ok(source)
 }
 
 /// The view of a file and its photo, or what is wrong with the file.
 fn view(path: &Path, photo: &Match) -> Result<Result<SourceView, String>> {
-    let text = input_file::read_text(path, FILE_BYTES_MAX)?;
-    let camera: Camera = match serde_json::from_str(&text) {
+    let read = input_file::read_text(path, FILE_BYTES_MAX).map_err(|e| e.to_string());
+    let camera = read.and_then(|text| {
+        serde_json::from_str(&text).map_err(|e| format!("{e}; expected the JSON of a camera of Polycam"))
+    });
+    let camera: Camera = match camera {
         Ok(camera) => camera,
-        Err(e) => return Ok(Err(format!("{e}; expected the JSON of a camera of Polycam"))),
+        Err(problem) => return Ok(Err(problem)),
     };
     let side = |stated: Option<f64>| {
         stated.filter(|v| (1.0..=1e6).contains(v) && v.fract() == 0.0).map(|v| v as u32)

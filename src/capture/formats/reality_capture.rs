@@ -2,18 +2,20 @@
 //! each photo. Positions are `x, y, alt` with z up; `heading, pitch, roll` are in degrees; `f` refers to 36 mm film along the
 //! photo's longer side, and `px`, `py` are shares of that side, from the middle of the photo.
 
+use super::axes::from_opengl;
 use super::bytes::read_text;
-use super::{numbers, ply};
-use crate::camera::{Pinhole, RigidTransform};
+use super::{film, ply};
+use crate::camera::RigidTransform;
 use crate::capture::folder::CaptureFolder;
-use crate::capture::left_out::LeftOut;
+use crate::capture::left_out::{LeftOut, checked_points};
 use crate::capture::lens::{Distortion, Lens};
 use crate::capture::photos::photo_size;
 use crate::capture::pose_format::{Found, PoseFormat};
-use crate::capture::source::{Source, SourceView, checked_pose, first_paths};
+use crate::capture::source::{Source, SourceView, Why, first_paths};
 use crate::text::{self, quoted};
 use crate::{Report, Result, input_file};
 use glam::{DMat3, DVec3};
+use litetex_exporters::parse_number;
 use std::fs::File;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
@@ -23,9 +25,6 @@ const REQUIRED: [&str; 8] = ["name", "x", "y", "alt", "heading", "pitch", "roll"
 
 /// Names of the files of points that are read, without their extension, in this order.
 const POINTS: [&str; 3] = ["points", "points3d", "init"];
-
-/// Width of the film that focal lengths refer to.
-const FILM_MM: f64 = 36.0;
 
 /// The names of the columns, if a line is the export's header.
 fn header(line: &str) -> Option<Vec<String>> {
@@ -92,7 +91,7 @@ impl Row<'_> {
     fn number(&self, column: &str) -> Result<Option<f64>, String> {
         self.text(column)
             .map(|text| {
-                let value = numbers::parse(text).filter(|v| v.is_finite());
+                let value = parse_number(text).filter(|v| v.is_finite());
                 value.ok_or_else(|| format!("column {column:?} holds {}, expected a number", quoted(text)))
             })
             .transpose()
@@ -134,18 +133,18 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
         let camera_from_capture = match pose(&row) {
             Ok(pose) => pose,
             Err(problem) => {
-                left_out.push(element, problem);
+                left_out.push_view(element, &name, problem);
                 continue;
             }
         };
         let Some(photo) = photos.find(&name)? else {
-            source.without_photo.push(name);
+            source.leave_out(name, Why::NoPhoto);
             continue;
         };
         let lens = match lens(&row, photo_size(&photo)?) {
             Ok(lens) => lens,
             Err(problem) => {
-                left_out.push(element, problem);
+                left_out.push_view(element, &name, problem);
                 continue;
             }
         };
@@ -154,14 +153,14 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
     if columns.is_none() {
         return Err(invalid!(path, "no header with the columns {}", REQUIRED.join(", ")));
     }
-    left_out.finish(path, "views", total, &mut source.report)?;
-    read_points_beside(&folder.root, &mut source)?;
+    left_out.finish_views(path, total, &mut source)?;
+    read_points_beside(&folder.root, &mut source);
     Ok(source)
 }
 
 /// Reads the points that were exported beside the CSV, which names none. Other point clouds may be of another project, so
 /// they are only named.
-fn read_points_beside(root: &Path, source: &mut Source) -> Result<()> {
+fn read_points_beside(root: &Path, source: &mut Source) {
     let mut clouds: Vec<PathBuf> = std::fs::read_dir(root)
         .into_iter()
         .flatten()
@@ -174,8 +173,17 @@ fn read_points_beside(root: &Path, source: &mut Source) -> Result<()> {
     let mut names = POINTS.iter();
     if let Some(at) = names.find_map(|name| clouds.iter().position(|cloud| is_named(cloud, name))) {
         let cloud = clouds.remove(at);
-        source.points = ply::read_points(&cloud)?;
-        source.points_file = Some(cloud);
+        match ply::read_points(&cloud).and_then(|points| checked_points(&cloud, points)) {
+            Ok(points) => {
+                source.points = points;
+                source.points_file = Some(cloud);
+            }
+            // It may be of another project.
+            Err(error) => {
+                let what = format!("{error}; the capture is read without these points");
+                source.report.warn("points-beside-unreadable", 1, what);
+            }
+        }
     }
     if !clouds.is_empty() {
         let what = format!(
@@ -186,7 +194,6 @@ fn read_points_beside(root: &Path, source: &mut Source) -> Result<()> {
         );
         source.report.warn("points-beside-not-used", clouds.len(), what);
     }
-    Ok(())
 }
 
 /// Rotations about z by -heading, then x by pitch, then y by roll lead from the camera (x right, y up,
@@ -196,26 +203,16 @@ fn pose(row: &Row<'_>) -> Result<RigidTransform, String> {
     let turn = DMat3::from_rotation_z(-angle("heading")?)
         * DMat3::from_rotation_x(angle("pitch")?)
         * DMat3::from_rotation_y(angle("roll")?);
-    let axes = DMat3::from_cols(turn.x_axis, -turn.y_axis, -turn.z_axis);
     let centre = DVec3::new(row.required("x")?, row.required("y")?, row.required("alt")?);
-    Ok(checked_pose(axes, centre).map_err(|e| format!("the pose: {e}"))?.inverse())
+    from_opengl(turn, centre).map_err(|e| format!("the pose: {e}"))
 }
 
-fn lens(row: &Row<'_>, (width_px, height_px): (u32, u32)) -> Result<Lens, String> {
-    let longer_px = f64::from(width_px.max(height_px));
-    let focal_px = row.required("f")? * (longer_px / FILM_MM);
+fn lens(row: &Row<'_>, size_px: (u32, u32)) -> Result<Lens, String> {
     let k = [row.or_zero("k1")?, row.or_zero("k2")?, row.or_zero("k3")?, row.or_zero("k4")?];
     let p = [row.or_zero("t1")?, row.or_zero("t2")?];
     let any = k.iter().chain(&p).any(|&v| v != 0.0);
     let lens = Lens {
-        pinhole: Pinhole {
-            width_px,
-            height_px,
-            fx_px: focal_px,
-            fy_px: focal_px,
-            cx_px: 0.5 * f64::from(width_px) + row.or_zero("px")? * longer_px,
-            cy_px: 0.5 * f64::from(height_px) + row.or_zero("py")? * longer_px,
-        },
+        pinhole: film::pinhole(row.required("f")?, [row.or_zero("px")?, row.or_zero("py")?], size_px),
         distortion: if any { Distortion::Brown { k, p, shear: 0.0 } } else { Distortion::None },
     };
     lens.checked()

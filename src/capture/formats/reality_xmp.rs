@@ -8,18 +8,19 @@
 //! OpenCV's p1, p2 (as nerfstudio reads the CSV of the same program).
 
 use super::axes::from_rows;
+use super::film;
 use super::lookup::{begins_with_all, files, name_in, photo_folder};
-use super::unused::Unused;
+use super::unused;
 use super::xml::{self, numbers, text_of};
-use crate::camera::{Pinhole, RigidTransform};
+use crate::camera::RigidTransform;
 use crate::capture::folder::CaptureFolder;
 use crate::capture::left_out::LeftOut;
 use crate::capture::lens::{Distortion, Lens};
 use crate::capture::photos::photo_size;
 use crate::capture::pose_format::{Found, PoseFormat};
-use crate::capture::source::{Source, SourceView, checked_pose};
+use crate::capture::source::{Source, SourceView, Why, checked_pose};
 use crate::text::quoted;
-use crate::{Report, Result};
+use crate::{Error, Report, Result};
 use glam::DVec3;
 use roxmltree::Node;
 use std::path::{Path, PathBuf};
@@ -37,9 +38,6 @@ pub(crate) const FORMAT: PoseFormat = PoseFormat {
 const XCR: &str = "http://www.capturingreality.com/ns/xcr/1.1#";
 
 const RDF: &str = "http://www.w3.org/1999/02/22-rdf-syntax-ns#";
-
-/// Width of the film that focal lengths refer to.
-const FILM_MM: f64 = 36.0;
 
 /// Levels of folders below that of the photos.
 const DEPTH: usize = 2;
@@ -60,7 +58,7 @@ fn read(folder: &CaptureFolder) -> Result<Source> {
     let photos = photo_folder(folder, &["images"]);
     let mut source = Source::at(&folder.root);
     source.stated_up = Some(DVec3::Z);
-    let (mut left_out, mut unused) = (LeftOut::default(), Unused::default());
+    let mut left_out = LeftOut::default();
     let beside = files(photos.path(), "xmp", DEPTH);
     let (base, sidecars): (&Path, Vec<PathBuf>) = match beside.iter().any(|p| is_sidecar(p)) {
         true => (photos.path(), beside),
@@ -71,18 +69,18 @@ fn read(folder: &CaptureFolder) -> Result<Source> {
         let stem = path.with_extension("");
         let stem = stem.strip_prefix(base).unwrap_or(&stem).to_string_lossy().replace('\\', "/");
         let Some(photo) = photos.find(&stem)? else {
-            source.without_photo.push(stem);
+            source.leave_out(stem, Why::NoPhoto);
             continue;
         };
-        let text = xml::read(path)?;
-        let camera = match camera(path, &text)? {
+        let element = format!("camera {}", quoted(&stem));
+        let camera = match camera(path)? {
             Ok(Some(camera)) => camera,
             Ok(None) => {
-                unused.unposed.push(stem);
+                source.leave_out(stem, Why::NoPose);
                 continue;
             }
             Err(what) => {
-                left_out.push(format!("camera {}", quoted(&stem)), what);
+                left_out.push_view(element, &stem, what);
                 continue;
             }
         };
@@ -90,7 +88,7 @@ fn read(folder: &CaptureFolder) -> Result<Source> {
         let lens = match camera.lens(photo_size(&photo)?) {
             Ok(lens) => lens,
             Err(what) => {
-                left_out.push(format!("camera {}", quoted(&stem)), what);
+                left_out.push_view(element, &stem, what);
                 continue;
             }
         };
@@ -101,9 +99,9 @@ fn read(folder: &CaptureFolder) -> Result<Source> {
         let what = format!("skew and aspect ratio of {num_dropped} lenses are not supported and ignored");
         source.report.warn("lens-term-dropped", num_dropped, what);
     }
-    let total = source.views.len() + source.without_photo.len() + left_out.count();
-    left_out.finish(&folder.root, "views", total, &mut source.report)?;
-    unused.report(&mut source.report);
+    let total = source.num_posed() + left_out.count();
+    left_out.finish_views(&folder.root, total, &mut source)?;
+    unused::report(&mut source);
     Ok(source)
 }
 
@@ -118,11 +116,17 @@ struct Camera {
 }
 
 /// The camera of a sidecar file, `None` if it states no pose, or what is wrong with it.
-fn camera(path: &Path, text: &str) -> Result<Result<Option<Camera>, String>> {
-    let document = match xml::parse(path, text) {
+///
+/// # Errors
+/// [`Error::Unsupported`] for a lens that no photo may have.
+fn camera(path: &Path) -> Result<Result<Option<Camera>, String>> {
+    let text = match xml::read(path) {
+        Ok(text) => text,
+        Err(error) => return Ok(Err(what_is_wrong(error))),
+    };
+    let document = match xml::parse(path, &text) {
         Ok(document) => document,
-        Err(crate::Error::InvalidInput { what, .. }) => return Ok(Err(what)),
-        Err(other) => return Err(other),
+        Err(error) => return Ok(Err(what_is_wrong(error))),
     };
     let descriptions = || document.descendants().filter(|n| n.has_tag_name((RDF, "Description")));
     let Some(description) = descriptions().find(|n| property(*n, "Rotation").is_some()) else {
@@ -139,6 +143,14 @@ fn camera(path: &Path, text: &str) -> Result<Result<Option<Camera>, String>> {
         ));
     }
     Ok(of_description(description, is_brown))
+}
+
+/// Without the name of the file, which the stem of the photo tells.
+fn what_is_wrong(error: Error) -> String {
+    match error {
+        Error::InvalidInput { what, .. } | Error::Unsupported { what, .. } => what,
+        other => other.to_string(),
+    }
 }
 
 fn of_description(description: Node<'_, '_>, is_brown: bool) -> Result<Option<Camera>, String> {
@@ -178,18 +190,8 @@ fn of_description(description: Node<'_, '_>, is_brown: bool) -> Result<Option<Ca
 
 impl Camera {
     /// The lens at the size of its photo.
-    fn lens(&self, (width_px, height_px): (u32, u32)) -> Result<Lens, String> {
-        let longer_px = f64::from(width_px.max(height_px));
-        let focal_px = self.focal_mm * longer_px / FILM_MM;
-        let [u, v] = self.principal_point;
-        let pinhole = Pinhole {
-            width_px,
-            height_px,
-            fx_px: focal_px,
-            fy_px: focal_px,
-            cx_px: 0.5 * f64::from(width_px) + u * longer_px,
-            cy_px: 0.5 * f64::from(height_px) + v * longer_px,
-        };
+    fn lens(&self, size_px: (u32, u32)) -> Result<Lens, String> {
+        let pinhole = film::pinhole(self.focal_mm, self.principal_point, size_px);
         let lens = Lens { pinhole, distortion: self.distortion };
         lens.checked()
     }

@@ -105,7 +105,7 @@ fn sidecars_without_pose_are_counted_and_those_of_other_programs_ignored() {
     let source = source(&folder).unwrap();
     assert_eq!(source.views.iter().map(|v| v.name.as_str()).collect::<Vec<_>>(), ["a.png", "b/d.png"]);
     assert_eq!(source.views[1].lens.distortion, Distortion::None);
-    assert_eq!(source.without_photo, ["f"]);
+    assert_eq!(source.names_unused(Why::NoPhoto), ["f"]);
     assert_eq!(source.report.warnings[0].code, "cameras-without-pose");
     let capture = Capture::load(folder.path(), &LoadOptions::default()).unwrap();
     assert_eq!((capture.format.name(), capture.views.len()), ("reality-xmp", 2));

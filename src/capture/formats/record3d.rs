@@ -7,14 +7,14 @@
 //! of each photo, `K` is the matrix of all by columns, in pixels of the size w, h; lenses have no distortion.
 
 use super::axes::from_opengl;
-use super::json::{self, Number};
+use super::json::{self, Number, Part};
 use super::lookup::{photo_folder, require_photos};
 use crate::camera::{Pinhole, RigidTransform};
 use crate::capture::folder::CaptureFolder;
 use crate::capture::left_out::LeftOut;
 use crate::capture::lens::{Distortion, Lens};
 use crate::capture::pose_format::{Found, PoseFormat};
-use crate::capture::source::{Source, SourceView};
+use crate::capture::source::{Source, SourceView, Why};
 use crate::text::quoted;
 use crate::{Report, Result, input_file};
 use glam::{DMat3, DQuat, DVec3};
@@ -41,10 +41,10 @@ struct Metadata {
     w: u32,
     h: u32,
     #[serde(rename = "K")]
-    matrix: Option<[Number; 9]>,
+    matrix: Option<Part<[Number; 9]>>,
     #[serde(rename = "perFrameIntrinsicCoeffs", default)]
-    of_frames: Vec<[Number; 4]>,
-    poses: Vec<[Number; 7]>,
+    of_frames: Vec<Part<[Number; 4]>>,
+    poses: Vec<Part<[Number; 7]>>,
 }
 
 fn find(path: &Path, _: &mut Report) -> Option<Found> {
@@ -66,19 +66,21 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
     for (index, pose) in metadata.poses.iter().enumerate() {
         let stem = index.to_string();
         let Some(photo) = photos.find(&stem)? else {
-            source.without_photo.push(stem);
+            source.leave_out(stem, Why::NoPhoto);
             continue;
         };
-        match metadata.lens(index).and_then(|lens| Ok((lens, camera_from_capture(pose.map(|v| v.0))?))) {
+        let pose = pose.0.clone().map_err(|e| format!("its pose: {e}"));
+        let pose = pose.and_then(|pose| camera_from_capture(pose.map(|v| v.0)));
+        match pose.and_then(|pose| Ok((metadata.lens(index)?, pose))) {
             Ok((lens, camera_from_capture)) => {
                 let name = photo.file_name().unwrap_or_default().to_string_lossy().into_owned();
                 source.views.push(SourceView::new(name, photo, lens, camera_from_capture));
             }
-            Err(what) => left_out.push(format!("camera {}", quoted(&stem)), what),
+            Err(what) => left_out.push_view(format!("camera {}", quoted(&stem)), &stem, what),
         }
     }
-    let total = source.views.len() + source.without_photo.len() + left_out.count();
-    left_out.finish(path, "views", total, &mut source.report)?;
+    let total = source.num_posed() + left_out.count();
+    left_out.finish_views(path, total, &mut source)?;
     require_photos(&source, &photos, "name their folder with --images")?;
     Ok(source)
 }
@@ -93,12 +95,17 @@ fn camera_from_capture([x, y, z, w, position @ ..]: [f64; 7]) -> Result<RigidTra
 
 impl Metadata {
     fn lens(&self, index: usize) -> Result<Lens, String> {
-        let of_all = || self.matrix.map(|[fx, _, _, _, fy, _, cx, cy, _]| [fx, fy, cx, cy]);
-        let Some([fx_px, fy_px, cx_px, cy_px]) =
-            self.of_frames.get(index).copied().or_else(of_all).map(|all| all.map(|v| v.0))
-        else {
+        let named = |name: &'static str| move |problem: &String| format!("{name}: {problem}");
+        let own = self.of_frames.get(index);
+        let own = own.map(|own| own.0.as_ref().copied().map_err(named("perFrameIntrinsicCoeffs")));
+        let of_all = || {
+            let matrix = self.matrix.as_ref()?.0.as_ref().map_err(named("K"));
+            Some(matrix.map(|&[fx, _, _, _, fy, _, cx, cy, _]| [fx, fy, cx, cy]))
+        };
+        let Some(intrinsics) = own.or_else(of_all) else {
             return Err("neither perFrameIntrinsicCoeffs nor K has its intrinsics".to_owned());
         };
+        let [fx_px, fy_px, cx_px, cy_px] = intrinsics?.map(|v| v.0);
         let pinhole = Pinhole { width_px: self.w, height_px: self.h, fx_px, fy_px, cx_px, cy_px };
         let lens = Lens { pinhole, distortion: Distortion::None };
         lens.checked()

@@ -9,17 +9,17 @@
 //! up.
 
 use super::axes::{from_opencv, from_rows};
-use super::json::{self, Number};
+use super::json::{self, Number, Part};
 use super::lookup::require_photos;
-use super::transforms;
-use super::unused::Unused;
+use super::transforms::{self, Folders};
+use super::unused;
 use crate::camera::Pinhole;
 use crate::capture::folder::CaptureFolder;
 use crate::capture::left_out::LeftOut;
 use crate::capture::lens::{Distortion, Lens};
 use crate::capture::photos::photo_size;
 use crate::capture::pose_format::{Found, PoseFormat};
-use crate::capture::source::{Source, SourceView};
+use crate::capture::source::{Source, SourceView, Why};
 use crate::text::quoted;
 use crate::{Report, Result, input_file};
 use glam::DVec3;
@@ -38,6 +38,9 @@ pub(crate) const FORMAT: PoseFormat = PoseFormat {
 
 const FILE: &str = "pose_intrinsic_imu.json";
 
+/// The folder of the DSLR's poses, which the paths of points are relative to. The lists of the split are in the one above.
+const POSES: &str = "nerfstudio";
+
 /// Of the DSLR: poses, the folder of their photos and that of their masks.
 const DSLR: [(&str, &str, &str); 2] = [
     ("nerfstudio/transforms.json", "resized_images", "resized_anon_masks"),
@@ -53,9 +56,8 @@ struct Frame {
     intrinsic: [[Number; 3]; 3],
 }
 
-fn find(path: &Path, report: &mut Report) -> Option<Found> {
-    if let Some(found) = [path.join("dslr"), path.to_owned()].iter().find_map(|dslr| find_dslr(dslr, report))
-    {
+fn find(path: &Path, _: &mut Report) -> Option<Found> {
+    if let Some(found) = [path.join("dslr"), path.to_owned()].iter().find_map(|dslr| find_dslr(dslr)) {
         return Some(found);
     }
     let root = [path.join("iphone"), path.to_owned()].into_iter().find(|root| root.join(FILE).is_file())?;
@@ -63,32 +65,42 @@ fn find(path: &Path, report: &mut Report) -> Option<Found> {
     Some(Found { root, read: Box::new(move |folder| read(&file, folder)) })
 }
 
-fn find_dslr(dslr: &Path, report: &mut Report) -> Option<Found> {
+fn find_dslr(dslr: &Path) -> Option<Found> {
     let (poses, photos, masks) = DSLR.iter().find(|(_, photos, _)| dslr.join(photos).is_dir())?;
     let file = dslr.join(poses);
-    let found = file.is_file().then(|| (transforms::FORMAT.find)(&file, report)).flatten()?;
+    if !file.is_file() {
+        return None;
+    }
     let read = move |folder: &CaptureFolder| {
         let images = folder.images.clone().unwrap_or_else(|| folder.photos(photos));
-        // Their paths are relative to these folders.
-        (found.read)(&folder.inside(masks, images))
+        let inside = |part: &str| folder.inside(part, images.clone());
+        transforms::read_at(&file, &Folders { poses: inside(POSES), masks: inside(masks) })
     };
     Some(Found { root: dslr.to_owned(), read: Box::new(read) })
 }
 
 fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
     input_file::check(path, FILE_BYTES_MAX)?;
-    let frames: BTreeMap<String, Frame> = json::read(path, "the poses of ScanNet++'s iPhone")?;
+    let frames: BTreeMap<String, Part<Frame>> = json::read(path, "the poses of ScanNet++'s iPhone")?;
     let photos = folder.images.clone().unwrap_or_else(|| folder.photos("rgb"));
     let mut source = Source::at(path);
     source.metric = Some("ScanNet++");
-    let (mut left_out, mut unused) = (LeftOut::default(), Unused::default());
+    let mut left_out = LeftOut::default();
     for (name, frame) in frames {
+        let element = format!("camera {}", quoted(&name));
+        let frame = match frame.0 {
+            Ok(frame) => frame,
+            Err(what) => {
+                left_out.push_view(element, &name, what);
+                continue;
+            }
+        };
         let Some(pose) = frame.aligned_pose else {
-            unused.unposed.push(name);
+            source.leave_out(name, Why::NoPose);
             continue;
         };
         let Some(photo) = photos.find(&name)? else {
-            source.without_photo.push(name);
+            source.leave_out(name, Why::NoPhoto);
             continue;
         };
         let pose = pose.map(|row| row.map(|v| v.0));
@@ -104,7 +116,7 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
                 let name = photo.file_name().unwrap_or_default().to_string_lossy().into_owned();
                 source.views.push(SourceView::new(name, photo, lens, camera_from_capture));
             }
-            (Err(what), _) | (_, Some(what)) => left_out.push(format!("camera {}", quoted(&name)), what),
+            (Err(what), _) | (_, Some(what)) => left_out.push_view(element, &name, what),
         }
     }
     let remedy = format!(
@@ -112,9 +124,9 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
          rgb/frame_%06d.jpg",
         crate::text::path(&folder.root)
     );
-    let total = source.views.len() + source.without_photo.len() + left_out.count();
-    left_out.finish(path, "views", total, &mut source.report)?;
+    let total = source.num_posed() + left_out.count();
+    left_out.finish_views(path, total, &mut source)?;
     require_photos(&source, &photos, &remedy)?;
-    unused.report(&mut source.report);
+    unused::report(&mut source);
     Ok(source)
 }

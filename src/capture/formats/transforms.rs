@@ -1,57 +1,56 @@
 //! `transforms.json` of nerfstudio and instant-ngp, and `transforms_train.json` / `_test.json` of
 //! Blender scenes. Poses are OpenGL camera-to-world (x right, y up, z backward).
 
+use super::axes::from_opengl;
+use super::frame_uses::{Flags, Use, uses};
 use super::json::{self, Number};
-use super::listed_split::{Filenames, Flags, Use, uses};
+use super::listed_split::Filenames;
 use super::ply;
-use crate::camera::{Pinhole, RigidTransform};
+use super::transforms_lens::Intrinsics;
+use crate::camera::RigidTransform;
 use crate::capture::folder::CaptureFolder;
 use crate::capture::left_out::LeftOut;
-use crate::capture::lens::{Distortion, Lens, Tilt};
-use crate::capture::photos::photo_size;
+use crate::capture::lens::Distortion;
+use crate::capture::paths::plain;
+use crate::capture::photo_folder::PhotoFolder;
 use crate::capture::pose_format::{Found, PoseFormat};
-use crate::capture::source::{Source, SourceView, checked_pose};
+use crate::capture::source::{Source, SourceView, UnusedView, Why};
 use crate::text::{self, quoted};
 use crate::views::Split;
 use crate::{Report, Result};
 use glam::{DMat3, DVec3};
 use serde::Deserialize;
+use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-/// Intrinsics, of the whole file or of one frame.
-#[derive(Clone, Debug, Default, Deserialize)]
-#[serde(default)]
-struct Intrinsics {
-    camera_model: Option<String>,
-    is_fisheye: Option<bool>,
-    camera_angle_x: Option<Number>,
-    camera_angle_y: Option<Number>,
-    fl_x: Option<Number>,
-    fl_y: Option<Number>,
-    cx: Option<Number>,
-    cy: Option<Number>,
-    // Some tools write sizes as 1920.0.
-    w: Option<Number>,
-    h: Option<Number>,
-    k1: Option<Number>,
-    k2: Option<Number>,
-    k3: Option<Number>,
-    k4: Option<Number>,
-    k5: Option<Number>,
-    k6: Option<Number>,
-    p1: Option<Number>,
-    p2: Option<Number>,
-}
-
+/// What a frame states beside what decides its use.
 #[derive(Debug, Deserialize)]
-struct Frame {
+struct Stated {
     file_path: String,
     mask_path: Option<String>,
     transform_matrix: Option<Vec<Vec<Number>>>,
     #[serde(flatten)]
     intrinsics: Intrinsics,
-    #[serde(flatten)]
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(from = "Value")]
+struct Frame {
+    /// `file_path`, if it is a text.
+    name: Option<String>,
     flags: Flags,
+    /// Or what is wrong with it.
+    stated: Result<Stated, String>,
+}
+
+impl From<Value> for Frame {
+    fn from(frame: Value) -> Self {
+        Self {
+            name: frame.get("file_path").and_then(Value::as_str).map(str::to_owned),
+            flags: Flags::of(&frame),
+            stated: json::parsed(frame),
+        }
+    }
 }
 
 #[derive(Debug, Deserialize)]
@@ -83,7 +82,9 @@ fn find(path: &Path, _: &mut Report) -> Option<Found> {
         false => (path, files_in(path)),
     };
     let has_files = !files.is_empty();
-    has_files.then(|| Found { root: root.to_owned(), read: Box::new(move |folder| read(&files, folder)) })
+    let read =
+        move |folder: &CaptureFolder| read(&files, &Folders { poses: folder.clone(), masks: folder.clone() });
+    has_files.then(|| Found { root: root.to_owned(), read: Box::new(read) })
 }
 
 /// The files of a capture with the side of the split that they state. Blender's `transforms_val` serves
@@ -101,11 +102,30 @@ fn files_in(root: &Path) -> Vec<(PathBuf, Option<Split>)> {
     }
 }
 
-fn read(files: &[(PathBuf, Option<Split>)], folder: &CaptureFolder) -> Result<Source> {
+/// The files of poses with the side of the split that each states.
+type Files = [(PathBuf, Option<Split>)];
+
+/// Reads the poses of a file with photos, masks, points and lists elsewhere.
+///
+/// # Errors
+/// As all readers of poses.
+pub(super) fn read_at(file: &Path, folders: &Folders) -> Result<Source> {
+    read(&[(file.to_owned(), None)], folders)
+}
+
+/// Where what a file names lies.
+pub(super) struct Folders {
+    /// Points and lists of the split; of photos where `--images` names no folder.
+    pub poses: CaptureFolder,
+    pub masks: CaptureFolder,
+}
+
+fn read(files: &Files, folders: &Folders) -> Result<Source> {
+    let folder = &folders.poses;
     let mut source = Source::at(files.first().map_or(&folder.root, |f| &f.0));
     source.stated_up = files.first().is_some_and(|f| is_of_blender(&f.0)).then_some(DVec3::Z);
     for (path, split) in files {
-        read_one(path, *split, folder, &mut source)?;
+        read_one(path, *split, folders, &mut source)?;
     }
     let is_brown = |v: &&SourceView| matches!(v.lens.distortion, Distortion::Brown { .. });
     let num_brown = source.views.iter().filter(is_brown).count();
@@ -121,74 +141,107 @@ fn read(files: &[(PathBuf, Option<Split>)], folder: &CaptureFolder) -> Result<So
     if let [_, (held_out, _)] = files {
         source.split_by = Some(quoted(&held_out.file_name().unwrap_or_default().to_string_lossy()));
     }
-    strip_common_folder(&mut source.views);
+    strip_common_folder(&mut source);
     Ok(source)
 }
 
-fn read_one(path: &Path, split: Option<Split>, folder: &CaptureFolder, source: &mut Source) -> Result<()> {
+fn read_one(path: &Path, split: Option<Split>, folders: &Folders, source: &mut Source) -> Result<()> {
+    let folder = &folders.poses;
     let mut file: File = json::read(path, "the JSON of nerfstudio, instant-ngp or Blender")?;
     let mut left_out = LeftOut::default();
-    let first_test = file.frames.len();
+    let num_frames = file.frames.len();
     file.frames.extend(file.test_frames.take().unwrap_or_default());
-    let frames: Vec<_> = file.frames.iter().map(|f| (f.file_path.as_str(), &f.flags)).collect();
+    let named: Vec<usize> =
+        (0..file.frames.len()).filter(|&index| file.frames[index].name.is_some()).collect();
+    let listed: Vec<(&str, &Flags)> = named
+        .iter()
+        .map(|&index| &file.frames[index])
+        .map(|frame| (frame.name.as_deref().unwrap_or_default(), &frame.flags))
+        .collect();
+    let first_test = named.iter().filter(|&&index| index < num_frames).count();
     let filenames = std::mem::take(&mut file.filenames);
     // Blender's files say by their names what they hold.
     let beside = split.is_none().then_some(folder);
-    let uses = uses(path, &frames, first_test, filenames, beside, &mut source.report)?;
+    let uses = uses(path, &listed, first_test, filenames, beside, &mut source.report)?;
     source.split_by = source.split_by.take().or(uses.split_by);
+    let mut use_of = vec![Use::View(None); file.frames.len()];
+    named.iter().zip(uses.frames).for_each(|(&index, use_)| use_of[index] = use_);
     // `--images images_4` replaces the leading folders of the stored paths.
     let photos = folder.images.clone().unwrap_or_else(|| folder.photos(""));
     for (index, frame) in file.frames.iter().enumerate() {
-        let Use::View(listed) = uses.frames[index] else { continue };
-        let element = format!("frames[{index}] ({})", quoted(&frame.file_path));
-        let camera_from_capture = match pose(frame.transform_matrix.as_deref()) {
-            Ok(pose) => pose,
-            Err(problem) => {
-                left_out.push(element, format!("transform_matrix: {problem}"));
+        let name = frame.name.as_deref().unwrap_or_default();
+        let listed = match use_of[index] {
+            Use::View(listed) => split.or(listed),
+            Use::LeftOut(why) => {
+                source.leave_out(plain(name), why);
                 continue;
             }
         };
-        let Some(photo) = photos.find(&plain(&frame.file_path))? else {
-            source.without_photo.push(frame.file_path.clone());
-            continue;
-        };
-        let intrinsics = frame.intrinsics.or(&file.intrinsics);
-        let lens = match intrinsics.lens(path, &element, &photo)? {
-            Ok(lens) => lens,
-            Err(problem) => {
-                left_out.push(element, problem);
-                continue;
+        let element = format!("frames[{index}] ({})", quoted(name));
+        match view(path, frame, &element, &file.intrinsics, folders, &photos)? {
+            Ok(view) => source.views.push(SourceView { split: listed, ..view }),
+            Err(Unusable::NoPhoto) => {
+                source.unused.push(UnusedView { name: plain(name), why: Why::NoPhoto, split: listed });
             }
-        };
-        let mask = frame.mask_path.as_ref().map(|mask| find_mask(folder, mask, &photo)).transpose()?;
-        source.views.push(SourceView {
-            name: name(&folder.root, &frame.file_path, &photo),
-            photo: Some(photo),
-            mask,
-            lens,
-            camera_from_capture,
-            split: split.or(listed),
-            observed: Vec::new(),
-        });
+            Err(Unusable::Broken(problem)) => {
+                left_out.push_split_view(element, &plain(name), problem, listed)
+            }
+        }
     }
-    left_out.finish(path, "views", file.frames.len(), &mut source.report)?;
+    left_out.finish_views(path, file.frames.len(), source)?;
     if let Some(ply) = &file.ply_file_path {
         let ply = folder.file(ply)?;
-        source.points.extend(ply::read_points(&ply)?);
-        source.points_file = Some(ply);
+        if ply.exists() {
+            source.points.extend(ply::read_points(&ply)?);
+            source.points_file = Some(ply);
+        } else {
+            let what =
+                format!("{}: the points that {} names are not there", text::path(&ply), text::path(path));
+            source.report.warn("points-file-missing", 1, what);
+        }
     }
     Ok(())
+}
+
+/// Why a frame is no view.
+enum Unusable {
+    NoPhoto,
+    Broken(String),
+}
+
+/// The view of a frame, or why it is none.
+fn view(
+    path: &Path,
+    frame: &Frame,
+    element: &str,
+    of_file: &Intrinsics,
+    folders: &Folders,
+    photos: &PhotoFolder,
+) -> Result<Result<SourceView, Unusable>> {
+    let broken = |problem: String| Ok(Err(Unusable::Broken(problem)));
+    let stated = match &frame.stated {
+        Ok(stated) => stated,
+        Err(problem) => return broken(problem.clone()),
+    };
+    let camera_from_capture = match pose(stated.transform_matrix.as_deref()) {
+        Ok(pose) => pose,
+        Err(problem) => return broken(format!("transform_matrix: {problem}")),
+    };
+    let Some(photo) = photos.find(&plain(&stated.file_path))? else {
+        return Ok(Err(Unusable::NoPhoto));
+    };
+    let lens = match stated.intrinsics.or(of_file).lens(path, element, &photo)? {
+        Ok(lens) => lens,
+        Err(problem) => return broken(problem),
+    };
+    let mask = stated.mask_path.as_ref().map(|mask| find_mask(&folders.masks, mask, &photo)).transpose()?;
+    let name = name(&folders.poses.root, &stated.file_path, &photo);
+    Ok(Ok(SourceView { mask, ..SourceView::new(name, photo, lens, camera_from_capture) }))
 }
 
 /// Whether the frame is Blender's, in which z is up. `transforms.json` of other programs defines none.
 fn is_of_blender(path: &Path) -> bool {
     path.file_name().is_some_and(|name| name == "transforms_train.json")
-}
-
-/// A stored path without `./` and with forward slashes.
-pub(super) fn plain(file_path: &str) -> String {
-    let path = file_path.replace('\\', "/");
-    path.trim_start_matches("./").to_owned()
 }
 
 /// Name of a view: the stored path with the extension of the photo that was found.
@@ -202,14 +255,17 @@ fn name(root: &Path, file_path: &str, photo: &Path) -> String {
 }
 
 /// Makes names relative to the folder that all photos share, as COLMAP's names are.
-fn strip_common_folder(views: &mut [SourceView]) {
-    while let Some((folder, _)) = views.first().and_then(|v| v.name.split_once('/')) {
+fn strip_common_folder(source: &mut Source) {
+    while let Some((folder, _)) = source.views.first().and_then(|v| v.name.split_once('/')) {
         let prefix = format!("{folder}/");
-        if !views.iter().all(|v| v.name.starts_with(&prefix)) {
+        if !source.views.iter().all(|v| v.name.starts_with(&prefix)) {
             break;
         }
-        for v in views.iter_mut() {
-            v.name.drain(..prefix.len());
+        let unused = source.unused.iter_mut().map(|v| &mut v.name);
+        for name in source.views.iter_mut().map(|v| &mut v.name).chain(unused) {
+            if name.starts_with(&prefix) {
+                name.drain(..prefix.len());
+            }
         }
     }
 }
@@ -230,126 +286,5 @@ fn pose(rows: Option<&[Vec<Number>]>) -> Result<RigidTransform, String> {
         return Err(format!("rows of {found:?} numbers found, expected 4 (or 3) rows of 4"));
     }
     let column = |j: usize| DVec3::new(rows[0][j].0, rows[1][j].0, rows[2][j].0);
-    // y and z of the camera's axes change sign between OpenGL and OpenCV.
-    let axes = DMat3::from_cols(column(0), -column(1), -column(2));
-    Ok(checked_pose(axes, column(3))?.inverse())
-}
-
-impl Intrinsics {
-    /// These, completed by those of the whole file.
-    fn or(&self, all: &Self) -> Self {
-        Self {
-            camera_model: self.camera_model.clone().or_else(|| all.camera_model.clone()),
-            is_fisheye: self.is_fisheye.or(all.is_fisheye),
-            camera_angle_x: self.camera_angle_x.or(all.camera_angle_x),
-            camera_angle_y: self.camera_angle_y.or(all.camera_angle_y),
-            fl_x: self.fl_x.or(all.fl_x),
-            fl_y: self.fl_y.or(all.fl_y),
-            cx: self.cx.or(all.cx),
-            cy: self.cy.or(all.cy),
-            w: self.w.or(all.w),
-            h: self.h.or(all.h),
-            k1: self.k1.or(all.k1),
-            k2: self.k2.or(all.k2),
-            k3: self.k3.or(all.k3),
-            k4: self.k4.or(all.k4),
-            k5: self.k5.or(all.k5),
-            k6: self.k6.or(all.k6),
-            p1: self.p1.or(all.p1),
-            p2: self.p2.or(all.p2),
-        }
-    }
-
-    /// The lens of a photo, or what is wrong with its numbers.
-    fn lens(&self, path: &Path, element: &str, photo: &Path) -> Result<Result<Lens, String>> {
-        let (width_px, height_px) = match (self.w, self.h) {
-            (Some(Number(w)), Some(Number(h))) => {
-                let whole = |v: f64| ((1.0..=1e6).contains(&v) && v.fract() == 0.0).then_some(v as u32);
-                match (whole(w), whole(h)) {
-                    (Some(w), Some(h)) => (w, h),
-                    _ => return Ok(Err(format!("the size (w, h) is {:?}", (w, h)))),
-                }
-            }
-            _ => photo_size(photo)?,
-        };
-        let (w, h) = (f64::from(width_px), f64::from(height_px));
-        let from_angle = |side: f64, angle: f64| 0.5 * side / (0.5 * angle).tan();
-        let number = |value: Option<Number>| value.map(|Number(value)| value);
-        let fx_px = number(self.fl_x).or_else(|| self.camera_angle_x.map(|Number(a)| from_angle(w, a)));
-        let Some(fx_px) = fx_px else {
-            return Ok(Err("no fl_x and no camera_angle_x, neither here nor for the file".to_owned()));
-        };
-        let fy_px = number(self.fl_y).or_else(|| self.camera_angle_y.map(|Number(a)| from_angle(h, a)));
-        let lens = Lens {
-            pinhole: Pinhole {
-                width_px,
-                height_px,
-                fx_px,
-                fy_px: fy_px.unwrap_or(fx_px),
-                cx_px: number(self.cx).unwrap_or(0.5 * w),
-                cy_px: number(self.cy).unwrap_or(0.5 * h),
-            },
-            distortion: self.distortion(path, element)?,
-        };
-        Ok(lens.checked())
-    }
-
-    fn distortion(&self, path: &Path, element: &str) -> Result<Distortion> {
-        let k = [self.k1, self.k2, self.k3, self.k4, self.k5, self.k6].map(|v| v.map_or(0.0, |v| v.0));
-        let p = [self.p1, self.p2].map(|v| v.map_or(0.0, |v| v.0));
-        let fisheye = Distortion::Fisheye { k: [k[0], k[1], k[2], k[3], 0.0, 0.0], tilt: Tilt::None };
-        match self.camera_model.as_deref() {
-            Some("OPENCV_FISHEYE") => return Ok(fisheye),
-            Some("SIMPLE_PINHOLE" | "PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "OPENCV" | "FULL_OPENCV")
-            | None => {}
-            Some(other) => {
-                return Err(unsupported!(
-                    path,
-                    "{element}: camera_model {}; supported: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, \
-                     OPENCV, FULL_OPENCV, OPENCV_FISHEYE; undistort the photos with another tool",
-                    quoted(other)
-                ));
-            }
-        }
-        if self.is_fisheye == Some(true) {
-            return Ok(fisheye);
-        }
-        // Of these names only FULL_OPENCV stands for OpenCV's model with eight coefficients; k4 without the two that belong
-        // to it there comes from converters of programs that know Brown's model only.
-        if self.camera_model.as_deref() != Some("FULL_OPENCV") && k[3] != 0.0 && k[4..] == [0.0; 2] {
-            return Ok(Distortion::Brown { k: [k[0], k[1], k[2], k[3]], p, shear: 0.0 });
-        }
-        let any = k.iter().chain(&p).any(|&v| v != 0.0);
-        Ok(if any { Distortion::Radial { k, p } } else { Distortion::None })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn distortion(json: &str) -> Distortion {
-        let intrinsics: Intrinsics = serde_json::from_str(json).unwrap();
-        intrinsics.distortion(Path::new("transforms.json"), "frames[0]").unwrap()
-    }
-
-    #[test]
-    fn k4_is_browns_unless_the_denominator_is_whole_or_the_model_says_so() {
-        let brown = Distortion::Brown { k: [0.1, 0.0, 0.0, 0.2], p: [0.0; 2], shear: 0.0 };
-        for model in
-            ["", r#""camera_model": "OPENCV", "#, r#""camera_model": "OPENCV", "k5": 0, "k6": 0.0, "#]
-        {
-            assert_eq!(distortion(&format!(r#"{{{model}"k1": 0.1, "k4": 0.2}}"#)), brown, "{model}");
-        }
-        for (rest, k) in [
-            (r#""k4": 0.2, "k5": 0.3"#, [0.1, 0.0, 0.0, 0.2, 0.3, 0.0]),
-            (r#""k4": 0.2, "camera_model": "FULL_OPENCV""#, [0.1, 0.0, 0.0, 0.2, 0.0, 0.0]),
-            (r#""k4": 0"#, [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]),
-        ] {
-            let taken = distortion(&format!(r#"{{"k1": 0.1, {rest}}}"#));
-            assert_eq!(taken, Distortion::Radial { k, p: [0.0; 2] }, "negative control: {rest}");
-        }
-        let fisheye = distortion(r#"{"k1": 0.1, "k4": 0.2, "camera_model": "OPENCV_FISHEYE"}"#);
-        assert!(matches!(fisheye, Distortion::Fisheye { .. }));
-    }
+    from_opengl(DMat3::from_cols(column(0), column(1), column(2)), column(3))
 }

@@ -2,7 +2,7 @@
 
 /// The number that a word spells. C and C++ programs write `-nan(ind)`, `nan(snan)` or `1.#QNAN` for what is no number, and
 /// `1.#INF` for infinity: readers must see such a number to leave out what it belongs to.
-pub(crate) fn parse(word: &str) -> Option<f64> {
+pub fn parse_number(word: &str) -> Option<f64> {
     let number = word.parse().ok();
     number.or_else(|| {
         let unsigned = word.strip_prefix(['-', '+']).unwrap_or(word).to_ascii_lowercase();
@@ -25,23 +25,23 @@ fn is_padded(word: &str, name: &str) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::parse;
+    use super::parse_number;
 
     #[test]
     fn every_spelling_of_no_number_is_read() {
         for word in
             ["nan", "-NaN", "-nan(ind)", "nan(snan)", "NAN(0x8000)", "-1.#IND", "1.#QNAN", "1.#IND00", "1.#J"]
         {
-            assert!(parse(word).is_some_and(f64::is_nan), "{word}");
+            assert!(parse_number(word).is_some_and(f64::is_nan), "{word}");
         }
         for (word, number) in
             [("-1.#INF", f64::NEG_INFINITY), ("1.#INF00", f64::INFINITY), ("-inf", f64::NEG_INFINITY)]
         {
-            assert_eq!(parse(word), Some(number), "{word}");
+            assert_eq!(parse_number(word), Some(number), "{word}");
         }
-        assert_eq!(parse("-1.5e-3"), Some(-1.5e-3), "negative control");
+        assert_eq!(parse_number("-1.5e-3"), Some(-1.5e-3), "negative control");
         for word in ["", "nancy", "nan(", "1.#", "1.#INFx", "x", "1,5", "--1"] {
-            assert_eq!(parse(word), None, "{word}");
+            assert_eq!(parse_number(word), None, "{word}");
         }
     }
 }
