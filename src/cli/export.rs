@@ -2,12 +2,12 @@
 
 use super::asset_args::{AssetArgs, CropBox};
 use super::outputs;
-use super::sources::{load_layers, open_photos, read_limits};
+use super::sources::{load_layers, open_photos, read_limits, say_up};
 use super::views_progress::{ViewsProgress, views_to_render};
 use litetex_exporters::spz::{ShBits, SpzOptions};
 use litetex_exporters::{
-    AssetCamera, Format, Quality, SplatAsset, WriteOptions, Written, num_sh_coefficients, read_asset,
-    read_fallback, stage_asset,
+    AssetCamera, Format, ORIGIN_OPTION, Quality, SplatAsset, WriteOptions, Written, num_sh_coefficients,
+    read_asset, read_fallback, stage_asset,
 };
 use litetex_gs::camera::up::direction_text;
 use litetex_gs::capture::Capture;
@@ -55,7 +55,12 @@ pub fn run(args: &ExportArgs, log: &Log) -> Result<Output> {
     let source = args.source.is_file().then_some(args.source.as_path());
     let out = [&*args.files, &args.out].concat();
     outputs::check(source, &out, &args.asset)?;
-    let (scene, trained) = load_layers(&args.source, args.layers, log)?;
+    let (mut scene, trained) = load_layers(&args.source, args.layers, log)?;
+    if let Some(up) = args.asset.up.and_then(|up| up.in_capture) {
+        scene.asset.set_up(up);
+        scene.asset.provenance.up = format!("{}: requested with --up", direction_text(up));
+    }
+    say_up(&scene.asset, log);
     Ok(write_all((scene, trained.as_ref()), &out, &args.asset, &args.device, log)?.output())
 }
 
@@ -97,6 +102,20 @@ struct Verification<'a> {
     expected: ExpectedImages<'a>,
     /// The test views and their photos, for figures that are not checked.
     tests: Option<(ExpectedImages<'a>, &'a Capture)>,
+}
+
+impl Exports {
+    /// The files that another origin would help: their format cannot hold coordinates as far out as the scene's.
+    pub fn files_for_origin(&self, outputs: &[PathBuf]) -> Vec<PathBuf> {
+        let names = |text: &String| text.contains(ORIGIN_OPTION);
+        let noted = |file: &&Exported| file.written.notes.iter().any(names);
+        let mut files: Vec<PathBuf> = self.files.iter().filter(noted).map(|file| file.path.clone()).collect();
+        // The one that stopped the rest, and the rest.
+        if self.stopped.as_ref().is_some_and(|error| names(&error.to_string())) {
+            files.extend_from_slice(&outputs[self.files.len()..]);
+        }
+        files
+    }
 }
 
 /// Edits the scene, then writes and verifies each file and puts it in its place if it is right. With the training that it
@@ -166,13 +185,6 @@ fn edit(scene: &mut BakedScene, args: &AssetArgs, go_on: GoOn<'_>, log: &Log) ->
         };
         return Err(usage!("{}: {why}", scene.path.display()));
     }
-    if let Some(up) = args.up.and_then(|up| up.in_capture) {
-        asset.set_up(up);
-        asset.provenance.up = format!("{}: requested with --up", direction_text(up));
-    }
-    if !asset.provenance.up.is_empty() {
-        log.info(&format!("up is {}", asset.provenance.up));
-    }
     if let Some(factor) = args.scale {
         asset.set_scale(factor);
     }
@@ -221,7 +233,8 @@ impl<'a> Job<'a> {
         if views.is_empty() {
             log.warn(
                 "not-verified",
-                "the scene has no cameras: the files cannot be verified by rendering",
+                "the files are not verified: the scene has no cameras to render it from; \"litetex verify\" with the photos' \
+                 --capture renders the views of a capture",
                 1,
             );
             return Ok(None);

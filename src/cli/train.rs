@@ -9,6 +9,7 @@ use super::train_args::TrainArgs;
 use super::train_job::TrainJob;
 use super::train_summary;
 use super::{export, orphan, outputs};
+use litetex_exporters::ORIGIN_OPTION;
 use litetex_gs::backend::Backend;
 use litetex_gs::capture::Capture;
 use litetex_gs::console::{Interrupt, Log, Output, device};
@@ -34,6 +35,15 @@ pub fn run(args: TrainArgs, log: &Log) -> Result<Output> {
     if !args.export.is_empty() {
         let (scene, trained) = load_scene(&run, log)?;
         let exports = export::write_all((scene, trained.as_ref()), &args.export, &asset, &args.device, log)?;
+        for file in exports.files_for_origin(&args.export) {
+            let what = format!(
+                "{}: train has no --origin; write it with: litetex export {} {} {ORIGIN_OPTION} --force",
+                file.display(),
+                run.display(),
+                file.display()
+            );
+            log.warn("needs-origin", &what, 1);
+        }
         output = output.with("exports", exports.output());
     }
     let Some(live) = live else { return Ok(output) };
@@ -62,6 +72,7 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<FinishedRun> {
     let mut capture = Capture::load(job.config.data()?, &job.config.capture)?;
     log.report(&capture.report);
     log.info(&capture.held_out());
+    log.info(&format!("up is {}", capture.up.words()));
     let mut report = std::mem::take(&mut capture.report);
     let capture = Arc::new(capture);
     let resumed = job.resume.as_ref().map(|resume| resume.summary());

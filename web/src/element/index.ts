@@ -14,13 +14,13 @@
  * | `background` | `#rrggbb`, `transparent`, or `scene` (default): that of the file |
  * | `colours` | `trained` (default), `untextured`, `texels`, `degree`, `depth` |
  * | `max-splats` | shows at most this many, those that contribute most |
- * | `loading` | `eager` (default) or `lazy`: once it comes into sight |
+ * | `loading` | `eager` (default) or `lazy`: once it is visible |
  *
  * Events: `load`; `progress` (a ProgressEvent: `loaded` and `total` bytes); `error` (an ErrorEvent: `message`, `error`); `camera-change`.
  * Slots: `poster`, shown until there is an image; the default slot lies over the scene.
  *
- * Elements share six WebGL contexts. Those that have none show their last image, and get one when they come into sight or are used:
- * from others out of sight, else from the one used longest ago.
+ * Elements share six WebGL contexts. Those that have none show their last image, and get one when they become visible or are used:
+ * from others that are not visible, else from the one used longest ago.
  */
 
 import { COLOURS, type Colours } from '../core/render/colours';
@@ -62,7 +62,7 @@ export class LitetexViewerElement extends Base {
     private readonly bar = document.createElement('progress');
     private readonly failure = document.createElement('div');
     private readonly poster = document.createElement('slot');
-    private readonly sight = new IntersectionObserver((entries) => this.seen(entries[entries.length - 1].isIntersecting));
+    private readonly visibility = new IntersectionObserver((entries) => this.seen(entries[entries.length - 1].isIntersecting));
     /** What is to be shown, whether it has arrived as a whole, and whether it cannot be shown. */
     private source: Source | null = null;
     private hasLoaded = false;
@@ -70,7 +70,7 @@ export class LitetexViewerElement extends Base {
     /** An image of the whole scene is there, drawn or still; it is that of now. */
     private hasImage = false;
     private isCurrent = false;
-    private isInSight = false;
+    private isVisible = false;
     private isWanted = false;
     /** Someone has taken hold of the scene, which then turns no longer by itself. */
     private isHeld = false;
@@ -99,15 +99,15 @@ export class LitetexViewerElement extends Base {
         this.canvas.setAttribute('role', 'img');
         this.isWanted ||= this.getAttribute('loading') !== 'lazy';
         this.hasMoved = this.hasLoaded;
-        this.sight.observe(this);
+        this.visibility.observe(this);
         reducedMotion?.addEventListener('change', this.turn);
         join(this.share);
     }
 
     disconnectedCallback(): void {
-        this.sight.disconnect();
+        this.visibility.disconnect();
         reducedMotion?.removeEventListener('change', this.turn);
-        this.isInSight = false;
+        this.isVisible = false;
         leave(this.share);
     }
 
@@ -168,18 +168,18 @@ export class LitetexViewerElement extends Base {
         this.load(stored({ bytes }));
     }
 
-    /** How much it wants a context: most to show what is visible and was never shown, less to move what is still, least to load what is out of sight. */
+    /** How much it wants a context: most to show what is visible and was never shown, less to move what is still, least to load what is not visible. */
     private wish(): number {
         if (!this.source || this.hasFailed || !this.isWanted) return 0;
         const isDue = !this.hasImage || !this.isCurrent || this.hasMoved;
-        if (this.isInSight) return isDue ? 3 : 2;
+        if (this.isVisible) return isDue ? 3 : 2;
         return isDue ? 1 : 0;
     }
 
     /** How much it needs the context that it has. */
     private hold(): number {
         const isDone = !this.source || this.hasFailed || (this.hasImage && this.still.hidden);
-        if (!this.isInSight) return isDone ? 0 : 1;
+        if (!this.isVisible) return isDone ? 0 : 1;
         if (!isDone || this.viewer?.controls.active) return 3;
         return this.viewer?.autoRotate ? 2.5 : 2;
     }
@@ -240,9 +240,9 @@ export class LitetexViewerElement extends Base {
         this.isCurrent = true;
     }
 
-    private seen(isInSight: boolean): void {
-        this.isInSight = isInSight;
-        this.isWanted ||= isInSight;
+    private seen(isVisible: boolean): void {
+        this.isVisible = isVisible;
+        this.isWanted ||= isVisible;
         this.turn();
         settle();
     }
@@ -264,7 +264,7 @@ export class LitetexViewerElement extends Base {
         const { viewer } = this;
         if (!viewer) return;
         const degrees = Number(this.getAttribute('rotation-per-second') ?? 12);
-        const turns = this.hasAttribute('auto-rotate') && !this.isHeld && this.isInSight && !reducedMotion?.matches;
+        const turns = this.hasAttribute('auto-rotate') && !this.isHeld && this.isVisible && !reducedMotion?.matches;
         viewer.autoRotate = turns ? degrees * Math.PI / 180 : 0;
         viewer.invalidate();
     };
