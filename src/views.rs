@@ -56,6 +56,11 @@ pub trait ViewSource: Sync {
         up::find((0..self.num_views()).map(|v| self.camera(v).camera_from_local.rotation), None)
     }
 
+    /// The program by whose poses a unit of the capture is a metre, if they say so.
+    fn metric(&self) -> Option<&'static str> {
+        None
+    }
+
     /// The photo, of the camera's size. May block while it is decoded.
     ///
     /// # Errors

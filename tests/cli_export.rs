@@ -184,6 +184,63 @@ fn lossy_files_meet_their_limits_and_plain_formats_keep_colours() {
 }
 
 #[test]
+fn formats_without_textures_tell_what_the_textures_were_good_for() {
+    const ADVICE: &str = "litetex train --for engine";
+    let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
+    let at = |name: &str| folder.path().join(name);
+    let (spz, ply, glb) = (at("a.spz"), at("a.ply"), at("a.glb"));
+    let export =
+        ["export", text(run), "--device", "cpu", "--force", "-o", text(&spz), text(&ply), text(&glb)];
+    let files = json(&export)["files"].clone();
+    let of = |i: usize, key: &str| files[i]["lost_textures"][key].as_f64().unwrap();
+    for i in 0..2 {
+        assert_eq!(files[i]["lost_textures"]["train_instead"], ADVICE);
+        // The file matches the scene without its textures, not the textured scene.
+        let psnr = files[i]["verdict"]["psnr"].as_f64().unwrap();
+        assert!(of(i, "psnr_to_textured") < psnr - 3.0, "{psnr}: {}", files[i]);
+        assert!(of(i, "loss_db") > 0.05, "{}", files[i]);
+        let photos = |key: &str| files[i]["on_test_photos"][key].as_f64().unwrap();
+        assert!(photos("before") == files[2]["on_test_photos"]["before"].as_f64().unwrap(), "textured");
+        assert!(photos("after") == photos("fallback"));
+    }
+    assert!(files[2]["lost_textures"].is_null(), "glTF keeps them");
+    let table = good(&export);
+    for (i, name) in [(0, "a.spz"), (1, "a.ply")] {
+        let line = table.lines().find(|line| line.contains(&format!("{name}: "))).unwrap();
+        assert!(line.contains(&format!("{:.2} dB against the textured scene", of(i, "psnr_to_textured"))));
+        assert!(line.ends_with(ADVICE), "{line}");
+    }
+    assert!(!table.contains("a.glb: "), "{table}");
+    let unverified = json(&[&export[..], &["--no-verify"]].concat());
+    assert_eq!(unverified["files"][0]["lost_textures"]["train_instead"], ADVICE);
+    assert!(unverified["files"][0]["lost_textures"]["psnr_to_textured"].is_null());
+    // Negative controls: a file that has no textures any more, and a run that never had any; `train --export` says the same.
+    let table = good(&["export", text(&spz), "-o", text(&at("again.ply")), "--device", "cpu"]);
+    assert!(!table.contains(ADVICE), "{table}");
+    let capture = run.parent().unwrap().join("capture");
+    for (purpose, says) in [("page", true), ("engine", false)] {
+        let (out, file) = (at(purpose), at(&format!("{purpose}.spz")));
+        let train = ["train", text(&capture), "-o", text(&out), "--for", purpose, "--export", text(&file)];
+        let short = [
+            "--steps",
+            "60",
+            "--device",
+            "cpu",
+            "--set",
+            "max-points=200",
+            "--set",
+            "density.texture-start=1",
+        ];
+        let table = good(&[&train[..], &short].concat());
+        assert_eq!(table.contains(ADVICE), says, "{purpose}: {table}");
+    }
+    let config = std::fs::read_to_string(at("engine").join("config.toml")).unwrap();
+    for setting in ["policy = \"plain\"", "sh-below = 0.0", "filter = \"ewa\"", "max-splats = "] {
+        assert!(config.contains(setting), "{setting}: {config}");
+    }
+}
+
+#[test]
 fn every_file_is_listed_with_its_own_size() {
     let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
     let at = |name: &str| folder.path().join(name);

@@ -52,7 +52,7 @@ fn preview(page: &Page) -> (usize, String) {
 #[test]
 fn the_page_follows_a_training_and_stays() {
     let place = Place::new();
-    let page = place.live("run", "1500", &["--eval-every", "500"]);
+    let page = place.live("run", "1500", &["--set", "eval-every=500"]);
     let session = page.wait_for("a preview", |session| !session["asset"].is_null());
     assert_eq!(session["title"], "capture");
     assert_eq!(session["photos"].as_array().unwrap().len(), 9);

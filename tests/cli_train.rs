@@ -79,7 +79,7 @@ fn pngs(folder: &str) -> Vec<PathBuf> {
 #[test]
 fn a_run_writes_what_the_schema_documents() {
     let place = Place::new();
-    let table = place.train("run", &["--steps", "30", "--eval-every", "10", "--set", "save-every=20"]);
+    let table = place.train("run", &["--steps", "30", "--set", "eval-every=10", "--set", "save-every=20"]);
     assert!(table.contains("test PSNR") && table.contains("splats"), "{table}");
     let summary = place.json("run/summary.json");
     assert_eq!(summary["schema"], "litetex-summary/5");
@@ -448,10 +448,10 @@ fn training_views_are_refused_as_test_views() {
 #[test]
 fn an_older_checkpoint_resumes_only_elsewhere_or_with_force() {
     let place = Place::new();
-    place.train("run", &["--steps", "9", "--set", "save-every=3", "--eval-every", "3"]);
+    place.train("run", &["--steps", "9", "--set", "save-every=3", "--set", "eval-every=3"]);
     let older = place.path("run/checkpoints/step-000003.safetensors");
     let (checkpoints, evaluations) = (place.path("run/checkpoints"), place.path("run/eval"));
-    let in_place = ["train", "--resume", &older, "--set", "save-every=0", "--eval-every", "0", "-q"];
+    let in_place = ["train", "--resume", &older, "--set", "save-every=0", "--set", "eval-every=0", "-q"];
     let (code, _, stderr) = run(&in_place);
     assert!(code == 2 && stderr.contains("--force") && stderr.contains("step-000009"), "{stderr}");
     assert_eq!((found(&checkpoints, "safetensors"), found(&evaluations, "0000")), (3, 3));
@@ -466,7 +466,7 @@ fn an_older_checkpoint_resumes_only_elsewhere_or_with_force() {
 #[test]
 fn a_checkpoint_with_a_relative_path_resumes_in_its_run() {
     let place = Place::new();
-    place.train("run", &["--steps", "9", "--set", "save-every=3", "--eval-every", "3"]);
+    place.train("run", &["--steps", "9", "--set", "save-every=3", "--set", "eval-every=3"]);
     let (run_dir, checkpoints) = (place.path("run"), place.path("run/checkpoints"));
     let first = place.path("run/checkpoints/step-000003.safetensors");
     let before = bytes_of(&first);
@@ -478,7 +478,8 @@ fn a_checkpoint_with_a_relative_path_resumes_in_its_run() {
         (&checkpoints, name, &[]),
         (&checkpoints, name, &["-o", ".."]),
     ] {
-        let resume = ["train", "--resume", checkpoint, "--set", "save-every=0", "--eval-every", "0", "-q"];
+        let resume =
+            ["train", "--resume", checkpoint, "--set", "save-every=0", "--set", "eval-every=0", "-q"];
         let resume = [&resume[..], &["--device", "cpu"], out].concat();
         let (code, _, stderr) = run_in(folder, &resume);
         assert!(code == 2 && stderr.contains("step-000009"), "{resume:?}: {code} {stderr}");
@@ -502,7 +503,7 @@ fn a_checkpoint_with_a_relative_path_resumes_in_its_run() {
 #[test]
 fn a_run_is_replaced_or_resumed_without_the_images_of_others() {
     let place = Place::new();
-    place.train("run", &["--steps", "4", "--set", "save-every=2", "--eval-every", "2"]);
+    place.train("run", &["--steps", "4", "--set", "save-every=2", "--set", "eval-every=2"]);
     let names = [
         "run/eval/000004/comparison.png",
         "run/eval/000004/error/comparison.png",

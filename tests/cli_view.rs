@@ -239,7 +239,7 @@ fn a_run_is_shown_with_its_photos() {
     let (capture, run) = (at("capture"), at("run"));
     good(&["sample", &capture, "--views", "9", "--size", "64x48", "--points", "300", "--no-truth", "-q"]);
     let train =
-        ["train", &capture, "-o", &run, "--device", "cpu", "-q", "--steps", "30", "--eval-every", "10"];
+        ["train", &capture, "-o", &run, "--device", "cpu", "-q", "--steps", "30", "--set", "eval-every=10"];
     good(&train);
     let page = view(Path::new(&run));
     let session = page.session();

@@ -25,7 +25,8 @@ pub mod usd;
 pub use asset::origin::ORIGIN_OPTION;
 pub use asset::overview::{Bounds, Overview};
 pub use asset::{
-    AssetCamera, AssetMap, ColourSpace, Filter, MAP_SIDE_MAX, Provenance, SPLATS_MAX, SplatAsset,
+    AssetCamera, AssetMap, ColourSpace, Filter, MAP_SIDE_MAX, METRES, Provenance, SPLATS_MAX, SplatAsset,
+    UNKNOWN_SCALE,
 };
 pub use error::{Error, Result};
 pub use fallback::shown_cameras::Cameras;

@@ -30,8 +30,10 @@ impl Place {
 
     /// Arguments of a benchmark of two variants and two seeds with this many steps.
     fn bench(&self, out: &str, steps: u32, more: &[&str]) -> Vec<String> {
-        let common =
-            format!("--device cpu --set save-images=none --eval-every {} --steps {steps}", steps.div_ceil(3));
+        let common = format!(
+            "--device cpu --set save-images=none --set eval-every={} --steps {steps}",
+            steps.div_ceil(3)
+        );
         let mut arguments = vec!["bench".to_owned(), "--scene".to_owned(), self.path("capture")];
         for (flag, value) in [
             ("--variant", "plain"),

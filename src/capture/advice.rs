@@ -1,15 +1,11 @@
 //! What to do about photos without poses, videos and formats that we do not read: commands of other programs.
 
+use super::extensions::{self, CONVERTED};
+use super::paths;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
-
-/// Extensions of photos that we read, in lower case.
-const READ: [&str; 5] = ["jpg", "jpeg", "png", "webp", "exr"];
-
-/// Those of photos that have to be converted.
-const CONVERTED: [&str; 5] = ["heic", "heif", "avif", "tif", "tiff"];
 
 /// Extensions of videos, in lower case.
 const VIDEOS: [&str; 12] =
@@ -36,7 +32,7 @@ pub(super) fn for_path(path: &Path) -> Option<String> {
         return for_photos(path).or_else(|| for_video(&first_video(path)?));
     }
     for_video(path).or_else(|| {
-        let is_photo = has_extension(path, &READ) || has_extension(path, &CONVERTED);
+        let is_photo = extensions::is_photo(path);
         let folder = path.parent().map(|p| if p.as_os_str().is_empty() { Path::new(".") } else { p });
         let advice = for_photos(folder.filter(|_| is_photo)?)?;
         Some(format!("a single photo; a capture is a folder of photos with poses: {advice}"))
@@ -58,7 +54,7 @@ fn for_photos(folder: &Path) -> Option<String> {
     } else {
         format!("the {count} photos in {} have no poses yet", crate::text::path(&photos))
     };
-    let needs_conversion = |name: &PathBuf| has_extension(name, &CONVERTED);
+    let needs_conversion = |name: &PathBuf| extensions::is_of(name, &CONVERTED);
     if !found.values().flatten().any(needs_conversion) {
         return Some(format!("{what}. {}", colmap(folder, &photos)));
     }
@@ -95,8 +91,7 @@ fn photos_in(folder: &Path) -> BTreeMap<PathBuf, BTreeSet<PathBuf>> {
                 if depth < DEPTH_MAX && !is_of_macos(&path) {
                     folders.push((path, depth + 1));
                 }
-            } else if (has_extension(&path, &READ) || has_extension(&path, &CONVERTED)) && !is_of_macos(&path)
-            {
+            } else if extensions::is_photo(&path) && !is_of_macos(&path) {
                 found.entry(folder.clone()).or_default().insert(path);
             }
         }
@@ -105,7 +100,7 @@ fn photos_in(folder: &Path) -> BTreeMap<PathBuf, BTreeSet<PathBuf>> {
 }
 
 fn is_of_macos(path: &Path) -> bool {
-    path.file_name().is_some_and(super::folder::is_of_macos)
+    path.file_name().is_some_and(paths::is_of_macos)
 }
 
 /// The folder that two paths share.
@@ -115,12 +110,12 @@ fn common(a: PathBuf, b: PathBuf) -> PathBuf {
 
 fn first_video(folder: &Path) -> Option<PathBuf> {
     let entries = std::fs::read_dir(folder).ok()?.flatten().map(|entry| entry.path());
-    entries.filter(|path| has_extension(path, &VIDEOS)).min()
+    entries.filter(|path| extensions::is_of(path, &VIDEOS)).min()
 }
 
 /// How to make a capture of a video; `None` if the file is none.
 fn for_video(file: &Path) -> Option<String> {
-    has_extension(file, &VIDEOS).then(|| {
+    extensions::is_of(file, &VIDEOS).then(|| {
         let capture = file.with_extension("");
         let photos = capture.join("images");
         format!(
@@ -165,11 +160,6 @@ fn colmap(capture: &Path, photos: &Path) -> String {
          colmap mapper --database_path {database} --image_path {photos} --output_path {model}\n  \
          litetex train {capture}{images} -o RUN"
     )
-}
-
-fn has_extension(path: &Path, extensions: &[&str]) -> bool {
-    let extension = path.extension().and_then(|e| e.to_str()).map(str::to_lowercase);
-    extension.is_some_and(|e| extensions.contains(&e.as_str()))
 }
 
 /// A path as one word of a POSIX shell; a path that begins like an option gets a folder before it.

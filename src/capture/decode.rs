@@ -28,6 +28,8 @@ pub(crate) struct Recipe {
     /// Memory for decoding the photo.
     pub photo_bytes: u64,
     pub mask: Option<PathBuf>,
+    /// The turn that lays the mask on the photo.
+    pub mask_turn: Orientation,
     /// Memory for decoding the mask.
     pub mask_bytes: u64,
     pub mask_invert: bool,
@@ -111,14 +113,8 @@ impl Recipe {
         Ok(Decoded { image, masked_share })
     }
 
-    fn read(&self, path: &Path) -> Result<DynamicImage> {
-        let mut photo = read_pixels(path, self.memory_bytes)?;
-        photo.apply_orientation(self.turn);
-        Ok(photo)
-    }
-
     /// The warp at a given size, if the lens is distorted.
-    fn warp(&self, (width, height): (u32, u32)) -> Option<Warp> {
+    pub(super) fn warp(&self, (width, height): (u32, u32)) -> Option<Warp> {
         self.lens
             .is_distorted()
             .then(|| Lens { pinhole: self.lens.pinhole.resized(width, height), ..self.lens })
@@ -126,7 +122,8 @@ impl Recipe {
     }
 
     fn colours(&self) -> Result<Colours> {
-        let photo = self.read(&self.photo)?;
+        let mut photo = read_pixels(&self.photo, self.memory_bytes)?;
+        photo.apply_orientation(self.turn);
         let size = (photo.width(), photo.height());
         if size != self.photo_size {
             return Err(invalid!(
@@ -204,9 +201,7 @@ impl Recipe {
     fn kept(&self, path: &Path) -> Result<Vec<u8>> {
         let mut mask = read_pixels(path, self.memory_bytes)?;
         let stored = (mask.width(), mask.height());
-        if self.turn != Orientation::NoTransforms && is_landscape(stored) != is_landscape(self.photo_size) {
-            mask.apply_orientation(self.turn);
-        }
+        mask.apply_orientation(self.mask_turn);
         let size = (mask.width(), mask.height());
         let expected = f64::from(self.photo_size.0) / f64::from(self.photo_size.1);
         let found = f64::from(size.0) / f64::from(size.1);
@@ -276,10 +271,6 @@ pub fn read_image(path: &Path) -> Result<(u32, u32, Vec<f32>)> {
     let photo = read_pixels(path, PHOTO_MEMORY_BYTES)?;
     let (width, height) = (photo.width(), photo.height());
     Ok((width, height, photo.into_rgb8().into_raw().into_iter().map(|v| f32::from(v) / 255.0).collect()))
-}
-
-fn is_landscape((width, height): (u32, u32)) -> bool {
-    width > height
 }
 
 #[cfg(test)]

@@ -1,25 +1,23 @@
 //! The steps from a folder to a [`Capture`]: find the poses, read them, find the photos and masks,
 //! split, and move everything into the local frame.
 
-use super::decode::Recipe;
-use super::folder::{CaptureFolder, PhotoFolder, is_inside, is_there};
-use super::loaded::{Capture, View};
-use super::options::{CaptureFormat, ExifTurn, LoadOptions};
-use super::photos::{bounded, fit, photo_header, swaps_sides, turn_is_open};
+use super::folder::CaptureFolder;
+use super::loaded::Capture;
+use super::options::{CaptureFormat, LoadOptions};
 use super::pose_format::Found;
-use super::source::{Source, SourceView, first_names, first_paths};
+use super::source::{Source, SourceView};
 use super::store::ImageStore;
 use super::zipped::Unpacked;
 use super::{
-    advice, elsewhere, far, formats, frame, health, left_out, overlap, plausible, split, undistortion, zipped,
+    advice, elsewhere, far, formats, frame, health, left_out, overlap, photo_files, plausible, recipes,
+    split, undistortion, zipped,
 };
-use crate::camera::{Camera, Similarity, up};
-use crate::text::{self, quoted};
+use crate::camera::up;
+use crate::text::quoted;
 use crate::views::Split;
 use crate::{Error, Report, Result};
 use litetex_exporters::unknown_kind;
-use rayon::prelude::*;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// What to do with an archive of photos without poses: commands need a folder.
 const UNPACK: &str =
@@ -86,15 +84,16 @@ fn load_folder(path: &Path, options: &LoadOptions, archive: Option<&Unpacked>) -
     }
     let capture_from_local = frame::capture_from_local(&source, &mut report);
     let near = frame::near(&source, capture_from_local.scale);
+    photo_files::settle(&mut source, &mut report);
     sort_by_name(&mut source)?;
-    let photos = photo_folder(&folder, &source)?;
+    let photos = photo_files::photo_folder(&folder, &source)?;
     let health = format
         .entry()
         .has_observations
         .then(|| health::check(&source, capture_from_local.scale, photos.count(), &mut report));
-    find_photos(&mut source, &photos, &mut report)?;
-    let masks = find_masks(&folder, &mut source, options, &mut report)?;
-    warn_of_files_outside(&folder.root, &source, &[Some(photos), masks], &mut report);
+    photo_files::find_photos(&mut source, &photos, &mut report)?;
+    let masks = photo_files::find_masks(&folder, &mut source, options, &mut report)?;
+    photo_files::warn_of_files_outside(&folder.root, &source, &[Some(photos), masks], &mut report);
     let (splits, split_by) = split::assign(&source.views, source.split_by.as_deref(), options)?;
     if !splits.contains(&Split::Train) {
         return Err(invalid!(
@@ -103,14 +102,11 @@ fn load_folder(path: &Path, options: &LoadOptions, archive: Option<&Unpacked>) -
             splits.len()
         ));
     }
-    let made: Vec<(Recipe, bool)> =
-        source.views.par_iter().map(|view| recipe(view, options)).collect::<Result<_>>()?;
-    let open = source.views.iter().zip(&made).filter(|(_, made)| made.1).map(|(view, _)| view.name.as_str());
-    warn_of_open_turns(&open.collect::<Vec<_>>(), &mut report);
-    let recipes: Vec<Recipe> = made.into_iter().map(|(recipe, _)| recipe).collect();
-    let undistortion = undistortion::check(&source.views, &recipes, &mut report);
+    let kept = undistortion::kept(&source.views, options.undistort_focal);
+    let recipes = recipes::recipes(&source.views, &kept, options, &mut report)?;
+    let undistortion = undistortion::check(&source.views, &kept, &mut report);
     plausible::check(&source.views, &recipes, &mut report);
-    let views = views(&source.views, &recipes, &splits, &capture_from_local);
+    let views = recipes::views(&source.views, &recipes, &splits, &capture_from_local);
     overlap::check(&views, &source, &capture_from_local, &mut report);
     // The local frame is not turned.
     let up = up::find(views.iter().map(|v| v.camera.camera_from_local.rotation), source.stated_up);
@@ -125,11 +121,13 @@ fn load_folder(path: &Path, options: &LoadOptions, archive: Option<&Unpacked>) -
         points: source.points,
         capture_from_local,
         up,
+        metric: source.metric,
         near,
         health,
         split_by,
         undistortion,
         report,
+        observed: source.views.into_iter().map(|view| view.observed).collect(),
         store: ImageStore::new(recipes, options.image_cache_bytes),
         root: folder.root,
         unpacked: None,
@@ -212,205 +210,4 @@ fn sort_by_name(source: &mut Source) -> Result<()> {
         )),
         None => Ok(()),
     }
-}
-
-/// The folder of the photos, which must exist unless the pose file names every photo.
-fn photo_folder(folder: &CaptureFolder, source: &Source) -> Result<PhotoFolder> {
-    if let Some(images) = &folder.images {
-        return Ok(images.clone());
-    }
-    let images = folder.root.join("images");
-    if images.is_dir() {
-        return Ok(folder.photos("images"));
-    }
-    let beside = folder.photos("");
-    for view in &source.views {
-        if view.photo.is_some() || beside.find(&view.name)?.is_some() {
-            return Ok(beside);
-        }
-    }
-    let example = source.views.first().map(|v| &v.name).or(source.without_photo.first());
-    Err(invalid!(
-        images,
-        "no folder of photos; expected photos such as {} there: name the folder with --images",
-        quoted(example.map_or("0001.jpg", String::as_str))
-    ))
-}
-
-/// Gives every view its photo; views without one are left out and counted.
-fn find_photos(source: &mut Source, folder: &PhotoFolder, report: &mut Report) -> Result<()> {
-    let mut missing = std::mem::take(&mut source.without_photo);
-    for view in &mut source.views {
-        if view.photo.is_none() {
-            view.photo = folder.find(&view.name)?;
-        }
-        if view.photo.is_none() {
-            missing.push(view.name.clone());
-        }
-    }
-    source.views.retain(|v| v.photo.is_some());
-    let total = source.views.len() + missing.len();
-    let names = first_names(missing.iter().map(String::as_str));
-    if source.views.len() < 2 {
-        return Err(Error::invalid(
-            folder.path(),
-            match missing.is_empty() {
-                true => format!("{total} view with a pose, expected at least two"),
-                false => format!(
-                    "photos of {} of {total} views are missing ({names}), at least two are needed; name their \
-                     folder with --images",
-                    missing.len()
-                ),
-            },
-        ));
-    }
-    if !missing.is_empty() {
-        let what = format!(
-            "{} of {total} views have no photo in {} and are left out: {names}",
-            missing.len(),
-            text::path(folder.path())
-        );
-        report.warn("views-without-photo", missing.len(), what);
-    }
-    Ok(())
-}
-
-/// Gives the views their masks: those of the folder of masks, if there is one, and those that the poses name. Returns
-/// the folder.
-fn find_masks(
-    folder: &CaptureFolder,
-    source: &mut Source,
-    options: &LoadOptions,
-    report: &mut Report,
-) -> Result<Option<PhotoFolder>> {
-    let masks = match &options.masks {
-        Some(masks) => Some(folder.given(masks, "--masks")?),
-        None if folder.root.join("masks").is_dir() => Some(folder.photos("masks")),
-        None => None,
-    };
-    let mut named = None;
-    for view in &mut source.views {
-        if view.mask.is_some() {
-            named.clone_from(&view.mask);
-        }
-        // A mask that is named and not there is missing like one that is not in the folder.
-        view.mask = view.mask.take().filter(|mask| is_there(mask));
-        if let Some(masks) = &masks {
-            view.mask = masks.find_mask(&view.name)?.or(view.mask.take());
-        }
-    }
-    let without: Vec<&str> =
-        source.views.iter().filter(|v| v.mask.is_none()).map(|v| v.name.as_str()).collect();
-    let place = match (&masks, &named) {
-        (Some(masks), _) => text::path(masks.path()),
-        (None, Some(named)) => format!("the files that the poses name, such as {}", text::path(named)),
-        (None, None) => return Ok(None),
-    };
-    if !without.is_empty() {
-        let what = format!(
-            "{} of {} views have no mask in {place}, so all their pixels count: {}",
-            without.len(),
-            source.views.len(),
-            first_names(without.iter().copied())
-        );
-        report.warn("views-without-mask", without.len(), what);
-    }
-    Ok(masks)
-}
-
-/// A capture whose files lie elsewhere cannot be moved or shared, and may be a mistake. Folders that the
-/// user named are no surprise.
-fn warn_of_files_outside(root: &Path, source: &Source, named: &[Option<PhotoFolder>], report: &mut Report) {
-    let known = |path: &Path| {
-        is_inside(root, path) || named.iter().flatten().any(|folder| is_inside(folder.path(), path))
-    };
-    let files = source.views.iter().flat_map(|v| [&v.photo, &v.mask]).chain([&source.points_file]).flatten();
-    let outside: Vec<&PathBuf> = files.filter(|p| !known(p)).collect();
-    if !outside.is_empty() {
-        let what = format!(
-            "{} files lie outside the capture's folder {}: {}; copy them into it before you move or share it",
-            outside.len(),
-            text::path(root),
-            first_paths(outside.iter().copied())
-        );
-        report.warn("files-outside-the-capture", outside.len(), what);
-    }
-}
-
-fn recipe(view: &SourceView, options: &LoadOptions) -> Result<(Recipe, bool)> {
-    let photo = view.photo.clone().unwrap_or_default();
-    let header = photo_header(&photo)?;
-    let (photo_size, turn) = fit(&photo, &view.name, &view.lens, &header, options.exif)?;
-    // An unreadable mask is reported when it is decoded.
-    let mask_header = view.mask.as_ref().and_then(|mask| photo_header(mask).ok());
-    let turns = swaps_sides(turn);
-    let recipe = Recipe {
-        photo,
-        photo_size,
-        turn,
-        has_alpha: header.has_alpha,
-        photo_bytes: header.colours_bytes(turns),
-        mask: view.mask.clone(),
-        mask_bytes: mask_header.map_or(0, |header| header.mask_bytes(turns)),
-        mask_invert: options.mask_invert,
-        lens: view.lens,
-        focal_scale: undistortion::focal_scale(&view.lens, options.undistort_focal),
-        memory_bytes: options.photo_memory_bytes,
-        size: bounded(photo_size, options.max_resolution),
-        background: options.background,
-        keep_alpha: options.keep_alpha,
-    };
-    let needed_bytes = recipe.working_bytes();
-    if needed_bytes > options.photo_memory_bytes {
-        return Err(unsupported!(
-            &recipe.photo,
-            "decoding this photo of {}x{} pixels takes {} of memory, and one photo may take {}; allow more with --set \
-             capture.photo-memory-bytes={needed_bytes} (inspect: --photo-memory {}GiB), or use smaller copies with --images",
-            photo_size.0,
-            photo_size.1,
-            text::format_bytes(needed_bytes),
-            text::format_bytes(options.photo_memory_bytes),
-            needed_bytes.div_ceil(1 << 30)
-        ));
-    }
-    let is_open = options.exif == ExifTurn::Auto && turn_is_open(&view.lens, &header);
-    Ok((recipe, is_open))
-}
-
-/// Warns of photos whose EXIF data ask for a turn that their sides do not show.
-fn warn_of_open_turns(names: &[&str], report: &mut Report) {
-    if !names.is_empty() {
-        let what = format!(
-            "the EXIF data of {} photos ask to turn or mirror them, and their sides do not show whether the poses were \
-             computed from turned photos; they are taken as stored: {}; if views fit badly, --set capture.exif=apply turns \
-             them (inspect: --exif apply), capture.exif=ignore confirms this",
-            names.len(),
-            first_names(names.iter().copied())
-        );
-        report.warn("photos-turned-by-exif", names.len(), what);
-    }
-}
-
-fn views(
-    sources: &[SourceView],
-    recipes: &[Recipe],
-    splits: &[Split],
-    capture_from_local: &Similarity,
-) -> Vec<View> {
-    sources
-        .iter()
-        .zip(recipes)
-        .zip(splits)
-        .map(|((view, recipe), &split)| View {
-            name: view.name.clone(),
-            split,
-            camera: Camera {
-                // In two steps: a scaled copy of the photo may have rounded sides.
-                pinhole: undistortion::pinhole(recipe)
-                    .resized(recipe.photo_size.0, recipe.photo_size.1)
-                    .resized(recipe.size.0, recipe.size.1),
-                camera_from_local: capture_from_local.rebase_camera(&view.camera_from_capture),
-            },
-        })
-        .collect()
 }

@@ -42,6 +42,8 @@ pub struct Capture {
     pub capture_from_local: Similarity,
     /// Which direction is up.
     pub up: Up,
+    /// The program whose poses are in metres, if they are.
+    pub metric: Option<&'static str>,
     /// Distance of the near plane, local units.
     pub near: f32,
     /// How plausible the sparse reconstruction looks, where there is one.
@@ -52,6 +54,8 @@ pub struct Capture {
     pub undistortion: Option<Undistortion>,
     /// Warnings: what was left out, chosen among several or looks wrong.
     pub report: Report,
+    /// For each view, the points that were triangulated from it, where the poses say so.
+    pub(super) observed: Vec<Vec<u32>>,
     pub(super) store: ImageStore,
     /// The files of an archive. Dropped after the store, whose threads read them.
     pub(super) unpacked: Option<Unpacked>,
@@ -102,6 +106,10 @@ impl ViewSource for Capture {
 
     fn up(&self) -> Up {
         self.up
+    }
+
+    fn metric(&self) -> Option<&'static str> {
+        self.metric
     }
 
     fn target(&self, view: usize) -> Result<Arc<TargetImage>> {

@@ -3,9 +3,11 @@
 
 mod advice;
 mod check;
+mod claims;
 mod decode;
 mod elsewhere;
 mod exr_photo;
+mod extensions;
 mod far;
 #[cfg(test)]
 pub(crate) mod fixtures;
@@ -19,13 +21,19 @@ mod left_out;
 mod lens;
 mod load;
 mod loaded;
+mod masks;
 mod options;
 mod overlap;
+mod paths;
+mod photo_files;
+mod photo_folder;
 mod photos;
 #[cfg(test)]
 mod photos_tests;
+mod pixel;
 mod plausible;
 mod pose_format;
+mod recipes;
 mod source;
 mod split;
 mod store;
@@ -34,6 +42,7 @@ mod strangers_tests;
 #[cfg(test)]
 mod tests;
 mod undistortion;
+mod verdict;
 mod warp;
 #[cfg(test)]
 mod warp_tests;
@@ -45,3 +54,4 @@ pub use health::SparseHealth;
 pub use loaded::{Capture, View};
 pub use options::{CaptureFormat, ExifTurn, LoadOptions, UndistortFocal};
 pub use undistortion::Undistortion;
+pub use verdict::{Figures, Rating, Reason, Verdict};

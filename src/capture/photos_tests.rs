@@ -317,3 +317,198 @@ fn crc32(bytes: &[u8]) -> u32 {
         (0..8).fold(crc ^ u32::from(byte), |crc, _| (crc >> 1) ^ if crc & 1 == 1 { 0xedb8_8320 } else { 0 })
     })
 }
+
+/// A COLMAP model of six views with these names, and their photos under others.
+fn renamed(names: &[&str], files: &[&str]) -> TempDir {
+    let mut scene = Scene::ring(6);
+    let folder = tempdir().unwrap();
+    scene.write_photos(&folder.path().join("images"), (12, 8));
+    for (index, file) in files.iter().enumerate() {
+        let photo = image::RgbImage::from_pixel(12, 8, image::Rgb([index as u8 + 1; 3]));
+        photo.save(folder.path().join("images").join(file)).unwrap();
+    }
+    for (image, name) in scene.images.iter_mut().zip(names) {
+        let _ = std::fs::remove_file(folder.path().join("images").join(&image.name));
+        image.name = (*name).to_owned();
+    }
+    scene.write_binary(&folder.path().join("sparse/0"));
+    folder
+}
+
+#[test]
+fn a_photo_belongs_to_one_view_and_exact_names_go_first() {
+    for (names, files, lost, owner) in [
+        (["img_1.png", "IMG_1.png"], &["IMG_1.png"][..], "img_1.png", Some("IMG_1.png")),
+        (["a.png", "a.webp"], &["a.webp"], "a.png", Some("a.webp")),
+        (["b.tif", "x/b.png"], &["b.png"], "x/b.png", Some("b.tif")),
+        (["c.tif", "c.jpg"], &["c.png"], "c.jpg", None),
+    ] {
+        let folder = renamed(&names, files);
+        let capture = load(folder.path());
+        let left = if owner.is_some() { 1 } else { 2 };
+        assert_eq!(capture.views.len(), 6 - left, "{names:?}");
+        assert_eq!(warning(&capture.report, "views-without-photo").unwrap().count, left);
+        let found = warning(&capture.report, "photos-of-other-views").unwrap();
+        assert!(found.count == left && found.message.contains(&format!("\"{lost}\" (")), "{}", found.message);
+        let is_there = |name: &str| capture.views.iter().any(|v| v.name == name);
+        assert_eq!(owner.map(is_there), owner.map(|_| true));
+        assert!(!is_there(lost));
+    }
+    // Negative control: a file for each.
+    let capture = load(renamed(&["img_1.png", "IMG_1.png"], &["img_1.png", "IMG_1.png"]).path());
+    assert_eq!((capture.views.len(), warning(&capture.report, "photos-of-other-views")), (6, None));
+    // Too few are left: refused as photos that are missing.
+    let names = ["1/a.tif", "2/a.tif", "3/a.tif", "4/a.tif", "5/a.tif", "6/a.tif"];
+    let text = message(renamed(&names, &["a.png"]).path(), &LoadOptions::default());
+    assert!(text.contains("photos of 6 of 6 views are missing"), "{text}");
+}
+
+#[test]
+fn labels_of_one_photo_do_not_refuse_the_capture() {
+    let folder = transforms(|j| {
+        let mut again = j["frames"][0].clone();
+        again["file_path"] = "images/P06.png".into();
+        j["frames"].as_array_mut().unwrap().push(again);
+    });
+    let capture = load(folder.path());
+    assert_eq!(capture.views.len(), 6);
+    assert!(
+        warning(&capture.report, "photos-of-other-views").unwrap().message.contains("\"images/P06.png\"")
+    );
+}
+
+#[test]
+fn a_mask_beside_the_photos_is_not_taken_for_a_missing_photo() {
+    let folder = renamed(&["a.jpg", "b.jpg"], &["a.jpg.png", "b.webp", "b.jpg.png"]);
+    let capture = load(folder.path());
+    assert_eq!(capture.views.len(), 5);
+    assert!(warning(&capture.report, "views-without-photo").unwrap().message.contains("\"a.jpg\""));
+    assert_eq!(capture.target(0).unwrap().rgb[0], 2, "negative control: of b the photo, not the mask");
+}
+
+#[test]
+fn a_mask_belongs_to_one_photo_too() {
+    let folder = renamed(&["a.png", "a.webp"], &["a.png", "a.webp"]);
+    let masks = folder.path().join("masks");
+    std::fs::create_dir(&masks).unwrap();
+    half_mask(12, 8).save(masks.join("a.png")).unwrap();
+    let capture = load(folder.path());
+    let is_masked = |v: usize| capture.target(v).unwrap().mask.is_some();
+    assert_eq!((is_masked(0), is_masked(1)), (true, false));
+    half_mask(12, 8).save(masks.join("a.webp.png")).unwrap();
+    let capture = load(folder.path());
+    assert!(capture.target(1).unwrap().mask.is_some(), "negative control");
+}
+
+/// A mask that leaves out its right half, and of the left the lower half.
+fn half_mask(width_px: u32, height_px: u32) -> image::GrayImage {
+    image::GrayImage::from_fn(width_px, height_px, |x, y| {
+        image::Luma([if 2 * x < width_px && 2 * y < height_px { 255 } else { 0 }])
+    })
+}
+
+/// A capture of six JPEG photos of `size` whose EXIF data ask for turns, one for each photo, and masks; its cameras have
+/// the photos' stored size or the turned one.
+fn turned(
+    size: (u32, u32),
+    orientations: [u8; 6],
+    is_turned: bool,
+    mask: impl Fn(usize) -> image::GrayImage,
+) -> TempDir {
+    let mut scene = Scene::ring(6);
+    scene.images.reverse();
+    scene.images.iter_mut().for_each(|i| i.name = i.name.replace("png", "jpg"));
+    let camera = scene.cameras[0].clone();
+    scene.cameras.clear();
+    let folder = tempdir().unwrap();
+    let photos = folder.path().join("images");
+    let masks = folder.path().join("masks");
+    std::fs::create_dir(&masks).unwrap();
+    scene.write_photos(&photos, size);
+    for (index, image) in scene.images.iter_mut().enumerate() {
+        let alone = tempdir().unwrap();
+        let path = alone.path().join(&image.name);
+        std::fs::copy(photos.join(&image.name), &path).unwrap();
+        set_orientation(alone.path(), orientations[index]);
+        std::fs::copy(&path, photos.join(&image.name)).unwrap();
+        mask(index).save(masks.join(image.name.replace("jpg", "png"))).unwrap();
+        let swaps = is_turned && orientations[index] > 4;
+        let mut own = camera.clone();
+        own.id = index as u32 + 1;
+        own.size = if swaps { (size.1, size.0) } else { size };
+        image.camera_id = own.id;
+        scene.cameras.push(own);
+    }
+    scene.write_binary(&folder.path().join("sparse/0"));
+    folder
+}
+
+/// Which quarter of a target image counts: "top left".
+fn quarter(capture: &Capture, view: usize) -> String {
+    let image = capture.target(view).unwrap();
+    let (w, h) = (image.width_px as usize, image.height_px as usize);
+    let mask = image.mask.as_ref().unwrap();
+    let at = |x: usize, y: usize| mask[y * w + x] == 255;
+    let corners = [
+        (0, 0, "top left"),
+        (w - 1, 0, "top right"),
+        (0, h - 1, "bottom left"),
+        (w - 1, h - 1, "bottom right"),
+    ];
+    let found: Vec<&str> = corners.iter().filter(|(x, y, _)| at(*x, *y)).map(|(.., name)| *name).collect();
+    found.join(", ")
+}
+
+#[test]
+fn masks_lie_as_their_photos_where_nothing_tells() {
+    for (size, orientation) in [((12, 8), 3), ((12, 8), 2), ((8, 8), 6)] {
+        let folder = turned(size, [orientation; 6], true, |_| half_mask(size.0, size.1));
+        let with =
+            |exif| Capture::load(folder.path(), &LoadOptions { exif, ..LoadOptions::default() }).unwrap();
+        let applied = with(ExifTurn::Apply);
+        // As an image editor shows the photo.
+        assert_eq!(quarter(&applied, 0), "top left", "{orientation}");
+        let found = warning(&applied.report, "masks-of-turned-photos").unwrap();
+        assert!(found.count == 6 && found.message.contains("image editor"), "{}", found.message);
+        let stored = with(ExifTurn::Auto);
+        assert_eq!(quarter(&stored, 0), "top left");
+        assert!(warning(&stored.report, "masks-of-turned-photos").is_none());
+        let words = &warning(&stored.report, "photos-turned-by-exif").unwrap().message;
+        assert!(words.contains("as are their masks"), "{words}");
+        assert!(with(ExifTurn::Ignore).report.warnings.iter().all(|w| !w.code.contains("turned")));
+    }
+    let folder = turned((12, 8), [1; 6], true, |_| half_mask(12, 8));
+    let options = LoadOptions { exif: ExifTurn::Apply, ..LoadOptions::default() };
+    let capture = Capture::load(folder.path(), &options).unwrap();
+    assert!(warning(&capture.report, "masks-of-turned-photos").is_none(), "negative control: no turn");
+}
+
+#[test]
+fn the_sides_of_some_masks_tell_of_all() {
+    // One photo in portrait; the others are upside down.
+    let orientations = [6, 3, 3, 3, 3, 3];
+    let load = |folder: &TempDir, exif| {
+        Capture::load(folder.path(), &LoadOptions { exif, ..LoadOptions::default() }).unwrap()
+    };
+    // Masks of a program that reads pixels as stored.
+    let folder = turned((12, 8), orientations, true, |_| half_mask(12, 8));
+    let capture = load(&folder, ExifTurn::Apply);
+    assert_eq!(
+        (quarter(&capture, 0), quarter(&capture, 1)),
+        ("top right".to_owned(), "bottom right".to_owned())
+    );
+    let found = warning(&capture.report, "masks-of-turned-photos").unwrap();
+    assert!(found.count == 5 && found.message.contains("like the others"), "{}", found.message);
+    // Masks painted in an image editor.
+    let painted = |index| if index == 0 { half_mask(8, 12) } else { half_mask(12, 8) };
+    let folder = turned((12, 8), orientations, true, painted);
+    let capture = load(&folder, ExifTurn::Apply);
+    assert_eq!((quarter(&capture, 0), quarter(&capture, 1)), ("top left".to_owned(), "top left".to_owned()));
+    // The same, where the poses were computed from stored pixels: the masks are turned back.
+    let folder = turned((12, 8), orientations, false, painted);
+    let capture = load(&folder, ExifTurn::Auto);
+    assert_eq!(
+        (quarter(&capture, 0), quarter(&capture, 1)),
+        ("bottom left".to_owned(), "bottom right".to_owned())
+    );
+}

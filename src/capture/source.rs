@@ -2,6 +2,7 @@
 //! Later steps do not depend on the format.
 
 use super::lens::Lens;
+use super::photo_folder::Match;
 use crate::Report;
 use crate::camera::RigidTransform;
 use crate::text;
@@ -14,8 +15,8 @@ use std::path::{Path, PathBuf};
 pub(crate) struct SourceView {
     /// Name relative to the photo folder, with forward slashes.
     pub name: String,
-    /// The photo's file, where the format names it and `--images` does not.
-    pub photo: Option<PathBuf>,
+    /// The photo's file, where the reader looks for it.
+    pub photo: Option<Match>,
     /// The mask's file, where the format names it.
     pub mask: Option<PathBuf>,
     pub lens: Lens,
@@ -28,9 +29,14 @@ pub(crate) struct SourceView {
 
 impl SourceView {
     /// A view of which nothing else is stated.
-    pub fn new(name: String, photo: PathBuf, lens: Lens, camera_from_capture: RigidTransform) -> Self {
+    pub fn new(name: String, photo: Match, lens: Lens, camera_from_capture: RigidTransform) -> Self {
         let photo = Some(photo);
         Self { name, photo, mask: None, lens, camera_from_capture, split: None, observed: Vec::new() }
+    }
+
+    /// Where the photo is; nowhere before it was looked for.
+    pub fn photo_path(&self) -> &Path {
+        self.photo.as_deref().unwrap_or(Path::new(""))
     }
 }
 
@@ -43,6 +49,8 @@ pub(crate) struct Source {
     pub points: Vec<SfmPoint>,
     /// Up as the format defines it, a unit vector, where it does.
     pub stated_up: Option<DVec3>,
+    /// The program whose poses are in metres, where the format says so.
+    pub metric: Option<&'static str>,
     /// The file of the points, where the poses name one.
     pub points_file: Option<PathBuf>,
     /// Mean reprojection error of the points in pixels, where the format states it.
@@ -62,12 +70,18 @@ impl Source {
             views: Vec::new(),
             points: Vec::new(),
             stated_up: None,
+            metric: None,
             points_file: None,
             reprojection_error_px: None,
             without_photo: Vec::new(),
             split_by: None,
             report: Report::default(),
         }
+    }
+
+    /// Number of views with a pose, with or without photo.
+    pub fn num_posed(&self) -> usize {
+        self.views.len() + self.without_photo.len()
     }
 
     /// Leaves out points, also of what the views observe.

@@ -1,7 +1,7 @@
 //! Which views are held out.
 
-use super::folder::without_extension;
 use super::options::LoadOptions;
+use super::paths::without_extension;
 use super::source::{SourceView, first_names};
 use crate::text::{path, quoted};
 use crate::views::Split;

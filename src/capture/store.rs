@@ -1,7 +1,7 @@
 //! The image cache: photos decoded on demand, or shortly before by background threads. When its budget of
 //! bytes is spent, the least recently used photo is dropped first, and those decoded ahead last.
 
-use super::decode::Recipe;
+use super::decode::{Decoded, Recipe};
 use super::jpeg_end;
 use crate::Result;
 use crate::image::TargetImage;
@@ -219,6 +219,11 @@ impl ImageStore {
         }
     }
 
+    /// How a view's target image is made.
+    pub fn recipe(&self, view: usize) -> &Recipe {
+        &self.shared.recipes[view]
+    }
+
     /// Whether any photo has a pixel that is not opaque. Decodes photos that have an alpha channel until one has; those
     /// that cannot be decoded are left to [`Self::check_all`].
     pub fn has_alpha(&self) -> bool {
@@ -254,6 +259,17 @@ impl ImageStore {
         let image = shared.decode(view)?;
         shared.lock().insert(view, &image, false, shared.budget_bytes);
         Ok(image)
+    }
+
+    /// Makes a photo without keeping it.
+    pub fn look(&self, view: usize) -> Result<Decoded> {
+        let _working = self.shared.working(view);
+        self.shared.recipes[view].decode()
+    }
+
+    /// Whether a view has a mask of its own.
+    pub fn has_mask(&self, view: usize) -> bool {
+        self.shared.recipes[view].mask.is_some()
     }
 
     /// Makes every photo once, on all threads, and keeps the first ones that the budget has room for.

@@ -20,6 +20,7 @@ fn store(folder: &Path, count: u8, budget_bytes: u64) -> ImageStore {
                 turn: Orientation::NoTransforms,
                 has_alpha: false,
                 photo_bytes: BYTES,
+                mask_turn: Orientation::NoTransforms,
                 mask: None,
                 mask_bytes: 0,
                 mask_invert: false,

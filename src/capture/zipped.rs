@@ -1,6 +1,7 @@
 //! Captures in a ZIP archive: unpacked into a temporary folder that exists as long as the capture does.
 
-use super::folder::is_of_macos;
+use super::extensions;
+use super::paths::is_of_macos;
 use crate::text::quoted;
 use crate::{Error, Result};
 use std::fs::File;
@@ -9,9 +10,8 @@ use std::path::{Path, PathBuf};
 use zip::ZipArchive;
 use zip::result::ZipError;
 
-/// Extensions of the files that a capture may need; everything else stays packed.
-const EXTENSIONS: [&str; 12] =
-    ["png", "jpg", "jpeg", "webp", "exr", "bin", "txt", "json", "ply", "csv", "xml", "xmp"];
+/// Extensions of the files that a capture may need next to its photos; everything else stays packed.
+const EXTENSIONS: [&str; 7] = ["bin", "txt", "json", "ply", "csv", "xml", "xmp"];
 
 /// The file of Record3D's archives (.r3d) that has no extension.
 const RECORD3D: &str = "metadata";
@@ -140,8 +140,10 @@ pub(crate) fn unpack(path: &Path) -> Result<Unpacked> {
                 quoted(&name)
             ));
         };
-        let extension = inside.extension().unwrap_or_default().to_ascii_lowercase();
-        let is_needed = EXTENSIONS.iter().any(|e| extension == *e) || inside.ends_with(RECORD3D);
+        // Photos that are not read are refused with the command that converts them.
+        let is_needed = extensions::is_photo(&inside)
+            || extensions::is_of(&inside, &EXTENSIONS)
+            || inside.ends_with(RECORD3D);
         // Links are skipped, or they would be written as files with the text of their target.
         let is_of_macos = inside.components().any(|part| is_of_macos(part.as_os_str()));
         if is_of_macos || entry.is_dir() || entry.is_symlink() || !is_needed {

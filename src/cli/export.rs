@@ -2,18 +2,19 @@
 
 use super::asset_args::{AssetArgs, CropBox};
 use super::outputs;
+use super::scale_from::{ScaleFrom, measure, parse_scale_from};
 use super::sources::{load_layers, open_photos, read_limits, say_up};
 use super::views_progress::{ViewsProgress, views_to_render};
 use litetex_exporters::spz::{ShBits, SpzOptions};
 use litetex_exporters::{
-    AssetCamera, Format, ORIGIN_OPTION, Quality, SplatAsset, WriteOptions, Written, num_sh_coefficients,
-    read_asset, read_fallback, stage_asset,
+    AssetCamera, Format, METRES, ORIGIN_OPTION, Quality, SplatAsset, UNKNOWN_SCALE, WriteOptions, Written,
+    num_sh_coefficients, read_asset, read_fallback, stage_asset,
 };
 use litetex_gs::camera::up::direction_text;
 use litetex_gs::capture::Capture;
 use litetex_gs::console::values::whole;
 use litetex_gs::console::{Interrupt, Log, Output, columns, device, path_text};
-use litetex_gs::run::Trained;
+use litetex_gs::run::{Scale, Trained, run_of_checkpoint};
 use litetex_gs::text::{format_bytes, format_count};
 use litetex_gs::verify::{
     Backends, BakedScene, Contribution, EXPORT_VIEWS, ExpectedImages, GoOn, PhotoPsnr, QualityLimits,
@@ -34,7 +35,7 @@ pub struct ExportArgs {
     #[arg(value_name = "RUN|CHECKPOINT|ASSET")]
     source: PathBuf,
     /// Files to write
-    #[arg(value_name = "FILE", required_unless_present = "out")]
+    #[arg(value_name = "FILE", required_unless_present_any = ["out", "scale_from"])]
     files: Vec<PathBuf>,
     /// File to write; several may follow
     #[arg(long, short, value_name = "FILE", num_args = 1..)]
@@ -42,12 +43,20 @@ pub struct ExportArgs {
     /// Keep only the first N layers of a .ltgs file, or one inside glTF, which are a coarser scene
     #[arg(long, value_name = "N", value_parser = whole::<u32>(1..=u64::MAX), help_heading = "Scene")]
     layers: Option<u32>,
+    /// Two points and their distance, such as 'A.jpg:10,20 A.jpg:300,40 = 1.2m', by which a unit of the files becomes a metre; kept
+    /// beside the run for later exports, "none" forgets it. Points: VIEW:x,y, a pixel of the stored photo, which shows the surface
+    /// there; VIEW:x,y+VIEW:x,y, the same point in two views; X,Y,Z, in the capture's frame. Units: mm, cm, m, in, ft
+    #[arg(long, value_name = "POINTS", value_parser = parse_scale_from, conflicts_with = "scale", help_heading = "Scene")]
+    scale_from: Option<ScaleFrom>,
     #[command(flatten)]
     asset: AssetArgs,
     /// Where to render for the comparison
     #[arg(long, value_name = "NAME", default_value = "auto", help_heading = "Device")]
     device: String,
 }
+
+/// How scenes for formats without textures are better trained.
+const TRAIN_INSTEAD: &str = "litetex train --for engine";
 
 /// Loads, writes and verifies.
 pub fn run(args: &ExportArgs, log: &Log) -> Result<Output> {
@@ -56,12 +65,50 @@ pub fn run(args: &ExportArgs, log: &Log) -> Result<Output> {
     let out = [&*args.files, &args.out].concat();
     outputs::check(source, &out, &args.asset)?;
     let (mut scene, trained) = load_layers(&args.source, args.layers, log)?;
+    if let Some(from) = &args.scale_from {
+        scale(from, &mut scene, trained.as_ref(), log)?;
+    }
+    if out.is_empty() {
+        let words = scene.asset.provenance.scale_words();
+        return Ok(Output::new(
+            "litetex-export/1",
+            json!({ "files": [], "scale": words }),
+            format!("{words}\n"),
+        ));
+    }
     if let Some(up) = args.asset.up.and_then(|up| up.in_capture) {
         scene.asset.set_up(up);
         scene.asset.provenance.up = format!("{}: requested with --up", direction_text(up));
     }
     say_up(&scene.asset, log);
     Ok(write_all((scene, trained.as_ref()), &out, &args.asset, &args.device, log)?.output())
+}
+
+/// Measures the scale of a scene, or forgets it, for this export and, beside a run, for later ones.
+fn scale(from: &ScaleFrom, scene: &mut BakedScene, trained: Option<&Trained>, log: &Log) -> Result<()> {
+    let run = trained.and_then(|trained| run_of_checkpoint(&trained.path));
+    let (factor, words) = match from {
+        ScaleFrom::None => {
+            let had_one = run.as_deref().map_or(Ok(false), Scale::remove)?;
+            log.info(if had_one { "the scale of the run is forgotten" } else { "the run had no scale" });
+            let stated = trained.map(Trained::scale_words_unmeasured);
+            (1.0, stated.unwrap_or_else(|| UNKNOWN_SCALE.to_owned()))
+        }
+        ScaleFrom::Distance(points, metres, text) => {
+            let found = measure((points, *metres, text), (scene, trained), log)?;
+            if let Some(run) = &run {
+                found.store(run)?;
+                log.info(&format!(
+                    "kept in {} for later exports; --scale-from none forgets it",
+                    run.display()
+                ));
+            }
+            (found.metres_per_unit, found.words())
+        }
+    };
+    scene.asset.set_scale(factor);
+    scene.asset.provenance.scale = words;
+    Ok(())
 }
 
 /// Takes over Ctrl-C, before the first file is created: neither probes nor staged files may stay behind.
@@ -86,6 +133,8 @@ struct Exported {
     verdict: Option<Verdict>,
     /// On the photos of the test views, if the capture of the run is still there.
     on_test_photos: Option<PhotoPsnr>,
+    /// Whether the scene has textures that the format cannot hold.
+    loses_textures: bool,
 }
 
 /// What all files of an export share.
@@ -187,6 +236,11 @@ fn edit(scene: &mut BakedScene, args: &AssetArgs, go_on: GoOn<'_>, log: &Log) ->
     }
     if let Some(factor) = args.scale {
         asset.set_scale(factor);
+        asset.provenance.scale =
+            format!("{METRES}: a unit of the capture is {factor} m, as requested with --scale");
+    }
+    if !asset.provenance.scale.is_empty() {
+        log.info(&format!("scale: {}", asset.provenance.scale));
     }
     if let Some(origin) = args.origin {
         log.info(&origin.apply(asset));
@@ -339,7 +393,9 @@ impl<'a> Job<'a> {
         let is_right = verdict.as_ref().is_none_or(|v| v.failures.is_empty());
         let written = if is_right { staged.publish(args.force)? } else { staged.written().clone() };
         let on_test_photos = on_test_photos.flatten();
-        Ok(Exported { path: path.to_owned(), written, raw_bytes: raw_bytes(asset), verdict, on_test_photos })
+        let loses_textures = asset.num_texels() > 0 && !Format::of(path)?.keeps_textures();
+        let (path, raw_bytes) = (path.to_owned(), raw_bytes(asset));
+        Ok(Exported { path, written, raw_bytes, verdict, on_test_photos, loses_textures })
     }
 }
 
@@ -377,6 +433,7 @@ impl Exports {
         if self.files.iter().any(|f| f.verdict.as_ref().is_some_and(|v| v.untextured)) {
             text += "* against the untextured scene: this format has no textures, maps are averaged into the colours\n";
         }
+        self.files.iter().filter_map(Exported::lost_textures).for_each(|line| text += &line);
         let failures: Vec<String> = self.files.iter().flat_map(Exported::failures).collect();
         let failed = (!failures.is_empty()).then(|| Error::CheckFailed(failures.join("; ")));
         let files: Vec<Value> = self.files.iter().map(Exported::json).collect();
@@ -399,6 +456,25 @@ impl Exported {
             "raw_bytes": self.raw_bytes,
             "verdict": self.verdict,
             "on_test_photos": self.on_test_photos,
+            "lost_textures": self.loses_textures.then(|| json!({
+                "psnr_to_textured": self.verdict.as_ref().map(|v| v.fallback_psnr),
+                "loss_db": self.verdict.as_ref().map(|v| v.fallback_loss_db),
+                "train_instead": TRAIN_INSTEAD,
+            })),
+        })
+    }
+
+    /// What the scene's textures were good for, and how to train without them, as a line; `None` where none are lost.
+    fn lost_textures(&self) -> Option<String> {
+        self.loses_textures.then(|| {
+            let lost = self.verdict.as_ref().map_or_else(
+                || "the textures are lost".to_owned(),
+                |v| {
+                    let (psnr, loss) = (v.fallback_psnr, v.fallback_loss_db);
+                    format!("{psnr:.2} dB against the textured scene, {loss:.2} dB lost with the textures")
+                },
+            );
+            format!("{}: {lost}; train scenes for this format with: {TRAIN_INSTEAD}\n", self.path.display())
         })
     }
 

@@ -3,11 +3,11 @@
 use super::capture_args::WholeCaptureArgs;
 use super::sources::{check_kind, is_asset, read_scene};
 use glam::{DVec2, DVec3, Vec3};
-use litetex_exporters::{Describes, LayerSize, Quality, SplatAsset, Transform};
+use litetex_exporters::{Describes, LayerSize, METRES, Quality, SplatAsset, Transform, UNKNOWN_SCALE};
 use litetex_gs::bake::model_from_asset;
 use litetex_gs::camera::Pinhole;
 use litetex_gs::camera::up::Up;
-use litetex_gs::capture::{Capture, LoadOptions, read_ply_points};
+use litetex_gs::capture::{Capture, LoadOptions, Reason, Verdict, read_ply_points};
 use litetex_gs::console::{Log, Output, Table, path_text};
 use litetex_gs::model::Model;
 use litetex_gs::run::{Summary, Trained, find_checkpoint, is_checkpoint};
@@ -33,21 +33,48 @@ pub struct InspectArgs {
 pub fn run(args: &InspectArgs, log: &Log) -> Result<Output> {
     let found = inspect(args, log)?;
     let mut table = Table::default();
-    flatten("", &found, &mut table);
-    Ok(Output::new("litetex-inspect/1", found, table))
+    flatten("", &found.json, &mut table);
+    let mut json = found.json;
+    let mut text = table.to_string();
+    if let Some(verdict) = found.verdict {
+        text.push_str(&in_words(&verdict));
+        json["verdict"] = json!(verdict);
+    }
+    Ok(Output::new("litetex-inspect/1", json, text))
 }
 
-fn inspect(args: &InspectArgs, log: &Log) -> Result<Value> {
+/// What was found, and the verdict where it is a capture.
+struct Found {
+    json: Value,
+    verdict: Option<Verdict>,
+}
+
+impl From<Value> for Found {
+    fn from(json: Value) -> Self {
+        Self { json, verdict: None }
+    }
+}
+
+/// A verdict for people.
+fn in_words(verdict: &Verdict) -> String {
+    let mut text = format!("\nverdict: {}\n", verdict.rating.words());
+    for Reason { found, remedy, .. } in &verdict.reasons {
+        text.push_str(&format!("  {found}: {remedy}\n"));
+    }
+    text
+}
+
+fn inspect(args: &InspectArgs, log: &Log) -> Result<Found> {
     let path = &args.path;
     if !path.exists() {
         return Err(Error::io(path, std::io::ErrorKind::NotFound.into()));
     }
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
     match extension.to_ascii_lowercase().as_str() {
-        "ply" if path.is_file() => ply(path, log),
-        _ if is_asset(path) => asset(path, log),
-        _ if is_checkpoint(path) => checkpoint(path),
-        _ if is_run(path) => run_folder(path),
+        "ply" if path.is_file() => ply(path, log).map(Found::from),
+        _ if is_asset(path) => asset(path, log).map(Found::from),
+        _ if is_checkpoint(path) => checkpoint(path).map(Found::from),
+        _ if is_run(path) => run_folder(path).map(Found::from),
         extension => {
             if !["zip", "r3d", "json", "csv", "xml"].contains(&extension) {
                 check_kind(path, " or a capture (a folder, a ZIP archive, transforms.json)")?;
@@ -56,7 +83,7 @@ fn inspect(args: &InspectArgs, log: &Log) -> Result<Value> {
             args.capture_args.apply(&mut options);
             let capture = Capture::load(path, &options)?;
             log.report(&capture.report);
-            Ok(of_capture(&capture))
+            Ok(Found { json: of_capture(&capture), verdict: Some(capture.verdict()) })
         }
     }
 }
@@ -91,6 +118,7 @@ fn checkpoint(path: &Path) -> Result<Value> {
         "step": trained.step,
         "capture": trained.config.data.as_deref().map(path_text),
         "up": of_up(&trained.up),
+        "scale": trained.scale_words(),
         "model": of_model(&trained.model),
     }))
 }
@@ -214,6 +242,7 @@ fn asset(path: &Path, log: &Log) -> Result<Value> {
         "cameras": asset.cameras.len(),
         "held_out": asset.cameras.iter().filter(|c| c.held_out).count(),
         "hash": format!("{:016x}", asset.hash()),
+        "scale": asset.provenance.scale_words(),
         "provenance": asset.provenance,
     }))
 }
@@ -280,6 +309,7 @@ fn of_capture(capture: &Capture) -> Value {
             "translation": capture.capture_from_local.translation.to_array(),
         },
         "up": of_up(&capture.up),
+        "scale": capture.metric.map_or_else(|| UNKNOWN_SCALE.to_owned(), |program| format!("{METRES}: as the poses of {program} are")),
         "near": capture.near,
         "health": capture.health,
         "warnings": capture.report.warnings,

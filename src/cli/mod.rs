@@ -21,6 +21,7 @@ mod progress;
 mod quickstart;
 mod render;
 mod sample;
+mod scale_from;
 mod schedule;
 mod schedule_args;
 mod schedule_report;

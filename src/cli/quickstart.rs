@@ -55,7 +55,7 @@ pub fn run(args: &QuickstartArgs, log: &Log) -> Result<Output> {
         training: TrainingArgs {
             steps: Some(args.steps),
             max_time: Some(MAX_TIME_SECS),
-            eval_every: Some((args.steps / 3).max(1)),
+            settings: vec![format!("eval-every={}", (args.steps / 3).max(1))],
             ..TrainingArgs::default()
         },
         ..TrainArgs::default()
@@ -74,7 +74,7 @@ pub fn run(args: &QuickstartArgs, log: &Log) -> Result<Output> {
          litetex render {run} --test --what colour,depth,normal -o {run}/views\n  \
          litetex inspect {run}\n  \
          litetex verify {out_folder}/still-life.ltgs --against {run}\n  \
-         litetex train {capture} -o runs/untextured --policy plain --steps {}\n  \
+         litetex train {capture} -o runs/untextured --for engine --steps {}\n  \
          litetex train <your COLMAP or nerfstudio folder> -o runs/mine --max-resolution 480 --steps 1000\n  \
          litetex view {run}\n",
         summary.steps, summary.steps_planned

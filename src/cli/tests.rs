@@ -3,7 +3,7 @@
 use clap::CommandFactory as _;
 use litetex_gs::Error;
 use litetex_gs::frequency::FrequencyOptions;
-use litetex_gs::run::RunConfig;
+use litetex_gs::run::{Purpose, RunConfig};
 use litetex_gs::train::TrainConfig;
 use serde_json::Value;
 
@@ -78,7 +78,7 @@ fn the_help_states_the_defaults() {
         ("--steps", train.steps.to_string()),
         ("--seed", train.seed.to_string()),
         ("--policy", train.policy.to_string()),
-        ("--eval-every", train.eval_every.to_string()),
+        ("--for", Purpose::default().name().to_owned()),
         ("--init", run.init.to_string()),
         ("--max-resolution", run.capture.max_resolution.to_string()),
         ("--test-every", run.capture.test_every.to_string()),

@@ -4,7 +4,7 @@ use super::capture_args::{CaptureArgs, set, set_some};
 use super::training_values::{Background, View, parse_background, parse_view};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use litetex_gs::console::values::{parse_count, parse_decibels, parse_duration_secs, parse_whole, whole};
-use litetex_gs::run::{InitSource, Profile, RunConfig};
+use litetex_gs::run::{InitSource, Profile, Purpose, RunConfig};
 use litetex_gs::train::density::Components;
 use litetex_gs::train::{Policy, policies};
 use litetex_gs::{Error, Result};
@@ -18,6 +18,12 @@ fn policy_help() -> String {
 fn profile_parser() -> impl TypedValueParser<Value = Profile> {
     let names = Profile::ALL.map(|profile| PossibleValue::new(profile.name()).help(profile.help()));
     PossibleValuesParser::new(names).try_map(|name| name.parse::<Profile>())
+}
+
+/// The purposes, with their help.
+fn purpose_parser() -> impl TypedValueParser<Value = Purpose> {
+    let names = Purpose::ALL.map(|purpose| PossibleValue::new(purpose.name()).help(purpose.help()));
+    PossibleValuesParser::new(names).try_map(|name| name.parse::<Purpose>())
 }
 
 /// Train a scene from a capture
@@ -80,12 +86,15 @@ pub struct TrainingArgs {
     /// Named set of defaults [default: default]
     #[arg(long, value_name = "NAME", value_parser = profile_parser())]
     pub profile: Option<Profile>,
+    /// Programs that shall show the scene [default: page]
+    #[arg(long = "for", value_name = "USE", value_parser = purpose_parser(), conflicts_with_all = ["policy", "profile"])]
+    pub purpose: Option<Purpose>,
     #[arg(long, alias = "texture", value_name = "POLICY", help = policy_help())]
     pub policy: Option<Policy>,
     /// Parts of the method to switch off: scheduler, pruning, growth, update-rule, splitting, coarsening
     #[arg(long, value_name = "PART,...", value_delimiter = ',', value_parser = Components::NAMES)]
     pub without: Vec<String>,
-    /// Any setting of config.toml by name, such as sh-degree=2, exposure=affine, budget.max-splats=50000, save-every=5000,
+    /// Any setting of config.toml by name, such as sh-degree=2, exposure=affine, budget.max-splats=50000, eval-every=1000, save-every=5000,
     /// save-images=none, capture.mask-invert=true or density.quantile=0.8; may be repeated
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub settings: Vec<String>,
@@ -103,9 +112,6 @@ pub struct TrainingArgs {
     /// transparent parts of photos stay empty; test images and exports have black) [default: black]
     #[arg(long, value_name = "COLOUR", value_parser = parse_background)]
     pub background: Option<Background>,
-    /// Evaluate the test views every N steps; 0: only at the end [default: 0]
-    #[arg(long, value_name = "N", value_parser = parse_whole::<u32>, help_heading = "Output")]
-    pub eval_every: Option<u32>,
 }
 
 impl TrainArgs {
@@ -118,6 +124,9 @@ impl TrainArgs {
         if let Some(profile) = t.profile {
             config.profile = profile;
             profile.apply(&mut config.train);
+        }
+        if let Some(purpose) = t.purpose {
+            purpose.apply(config)?;
         }
         if let Some(need) = t.need {
             config.train.density.need_db = need;
@@ -136,7 +145,6 @@ impl TrainArgs {
             config.train.random_background = background == Background::Random;
             config.train.background = background.in_images();
         }
-        set(&mut config.train.eval_every, t.eval_every);
         set(&mut config.init, t.init.clone());
         set_some(&mut config.train.max_time_secs, &t.max_time);
         if self.capture.is_some() {
@@ -145,6 +153,9 @@ impl TrainArgs {
         self.capture_args.apply(&mut config.capture);
         for setting in &t.settings {
             config.set(setting)?;
+        }
+        if let Some(purpose) = t.purpose {
+            purpose.bound_growth(&mut config.train);
         }
         config.follow_background();
         config.check().map_err(Error::Usage)
@@ -203,6 +214,31 @@ mod tests {
         refused("--policy cat", "--profile cat");
         let without = over(RunConfig::default(), "--without growth,pruning").unwrap().train.components;
         assert!(!without.growth && !without.pruning && without.splitting);
+    }
+
+    #[test]
+    fn a_purpose_chooses_the_policy_and_what_it_needs() {
+        let fresh = |flags: &str| over(RunConfig::default(), flags).unwrap();
+        let engine = fresh("--for engine --steps 7");
+        assert_eq!(
+            (engine.train.policy, engine.train.density.sh_below, engine.train.filter),
+            (Policy::Plain, 0.0, Filter::Ewa)
+        );
+        assert!(engine.train.budget.max_splats.is_some(), "plain grows up to a budget only");
+        assert_eq!(fresh("--for page --steps 7"), fresh("--steps 7"));
+        for budget in ["--budget-params 5k", "--set budget.max-splats=9"] {
+            let found = fresh(&format!("--for engine {budget}")).train.budget;
+            assert_eq!(found, fresh(budget).train.budget, "a given budget is the only one");
+        }
+        // A later purpose undoes an earlier one; settings by name win.
+        assert_eq!(over(engine.clone(), "--for page").unwrap().train.density, DensityConfig::default());
+        assert_eq!(fresh("--for engine --set density.sh-below=0.01").train.density.sh_below, 0.01);
+        let error = over(fresh("--profile paper"), "--for engine").unwrap_err();
+        assert!(error.exit_code() == 2 && error.to_string().contains("profile paper"), "{error}");
+        for wrong in ["--for games", "--for engine --policy plain", "--for page --profile cat"] {
+            let parsed = Line::try_parse_from(["train"].into_iter().chain(wrong.split_whitespace()));
+            assert!(parsed.is_err(), "{wrong}");
+        }
     }
 
     #[test]

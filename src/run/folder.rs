@@ -5,6 +5,7 @@ use super::evaluations::{
     StagedFolder, entries, entries_or_none, is_folder, name_of, name_of_step, remove_evaluation, remove_file,
     remove_if_empty, remove_staged, step_of_name,
 };
+use super::scale::SCALE_FILE;
 use crate::{Error, Result, atomic_file, input_file};
 use litetex_exporters::unknown_kind;
 use std::fs::{self, File, TryLockError};
@@ -12,7 +13,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// Files that a run writes next to the folders of its checkpoints and evaluations.
-const FILES: [&str; 4] = ["config.toml", "metrics.jsonl", "summary.json", PREVIEW];
+const FILES: [&str; 5] = ["config.toml", "metrics.jsonl", "summary.json", PREVIEW, SCALE_FILE];
 /// The model of a training that is under way, as its page shows it: a `.ltgs` file that is replaced every few seconds.
 pub const PREVIEW: &str = "preview.ltgs";
 const CHECKPOINTS: &str = "checkpoints";

@@ -9,10 +9,12 @@ mod init_source;
 mod outcome;
 mod outlying;
 mod profile;
+mod purpose;
 mod recorder;
 #[cfg(test)]
 mod recorder_tests;
 mod resource_estimate;
+mod scale;
 mod summary;
 mod trained;
 mod view_files;
@@ -26,8 +28,10 @@ pub use folder::{
 };
 pub use init_source::InitSource;
 pub use profile::Profile;
+pub use purpose::Purpose;
 pub use recorder::Recorder;
 pub use resource_estimate::{ResourceEstimate, Resources, Workload};
+pub use scale::Scale;
 pub use summary::{
     CaptureFigures, DiskBytes, EndOfGrowth, Fps, GrowthFigures, Resumed, Size, Summary, TestFigures, Times,
 };

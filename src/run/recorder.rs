@@ -10,7 +10,7 @@ use crate::eval::Evaluation;
 use crate::text::counted;
 use crate::train::checkpoint;
 use crate::train::{StopReason, TrainEvent, TrainHistory, TrainState};
-use crate::verify::{CAMERAS_KEY, CaptureIdentity, IDENTITY_KEY, cameras_json, store_up};
+use crate::verify::{CAMERAS_KEY, CaptureIdentity, IDENTITY_KEY, cameras_json, store_metric, store_up};
 use crate::views::ViewSource;
 use crate::{Error, Report, Result, Warning, atomic_file, input_file};
 use serde_json::{Value, json};
@@ -255,6 +255,7 @@ impl<'a> Recorder<'a> {
         self.strings.insert(IDENTITY_KEY.to_owned(), identity.to_json()?);
         self.strings.insert(CAMERAS_KEY.to_owned(), cameras_json(self.views)?);
         store_up(self.views, &mut self.strings)?;
+        store_metric(self.views, &mut self.strings);
         checkpoint::save(&path, state, &history, &self.strings)?;
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         self.metric(json!({ "event": "checkpoint", "step": state.step, "file": name }))?;

@@ -1,7 +1,8 @@
 //! A finished or interrupted training, read from its folder or from one of its checkpoints.
 
 use super::config::RunConfig;
-use super::folder::find_checkpoint;
+use super::folder::{find_checkpoint, run_of_checkpoint};
+use super::scale::Scale;
 use super::summary::Summary;
 use crate::backend::{Backend, RenderOptions};
 use crate::bake::set_up;
@@ -9,9 +10,11 @@ use crate::camera::up::Up;
 use crate::capture::Capture;
 use crate::model::{AdamState, Model};
 use crate::train::checkpoint;
-use crate::verify::{CaptureIdentity, PSNR_TEST, bake_checkpoint, cameras_from_strings, up_from_strings};
+use crate::verify::{
+    CaptureIdentity, PSNR_TEST, bake_checkpoint, cameras_from_strings, metric_from_strings, up_from_strings,
+};
 use crate::{Error, Report, Result};
-use litetex_exporters::{AssetCamera, Provenance, SplatAsset};
+use litetex_exporters::{AssetCamera, METRES, Provenance, SplatAsset, UNKNOWN_SCALE};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -33,6 +36,10 @@ pub struct Trained {
     pub cameras: Vec<AssetCamera>,
     /// Which direction of the capture is up.
     pub up: Up,
+    /// The program by whose poses a unit of the capture is a metre, if they say so.
+    pub metric: Option<String>,
+    /// The scale that was measured for the run, if one was.
+    pub scale: Option<Scale>,
 }
 
 impl Trained {
@@ -47,6 +54,8 @@ impl Trained {
         let identity = CaptureIdentity::from_strings(&path, &strings)?;
         let cameras = cameras_from_strings(&path, &strings)?;
         let up = up_from_strings(&path, &strings)?;
+        let scale = run_of_checkpoint(&path).map_or(Ok(None), |run| Scale::read(&run))?;
+        let metric = metric_from_strings(&strings);
         Ok(Self {
             path,
             step: state.step,
@@ -56,6 +65,8 @@ impl Trained {
             identity,
             cameras,
             up,
+            metric,
+            scale,
         })
     }
 
@@ -88,7 +99,22 @@ impl Trained {
         let mut asset =
             bake_checkpoint(backend, model, self.cameras.clone(), background, self.provenance(), report)?;
         set_up(&mut asset, &self.up);
+        if let Some(scale) = &self.scale {
+            asset.set_scale(scale.metres_per_unit);
+        }
+        asset.provenance.scale = self.scale_words();
         Ok(asset)
+    }
+
+    /// Whether a unit of exports is a metre, and how that is known.
+    pub fn scale_words(&self) -> String {
+        self.scale.as_ref().map_or_else(|| self.scale_words_unmeasured(), Scale::words)
+    }
+
+    /// The same, if no scale had been measured.
+    pub fn scale_words_unmeasured(&self) -> String {
+        let of_poses = |program| format!("{METRES}: as the poses of {program} are");
+        self.metric.as_ref().map_or_else(|| UNKNOWN_SCALE.to_owned(), of_poses)
     }
 
     /// What an asset states about its training.

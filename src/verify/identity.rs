@@ -23,6 +23,9 @@ pub const CAMERAS_KEY: &str = "cameras";
 /// Key of the [`Up`] of a capture among the strings of a checkpoint.
 const UP_KEY: &str = "up";
 
+/// Key of the program whose poses are in metres among the strings of a checkpoint.
+const METRIC_KEY: &str = "metric";
+
 /// Which direction of a run's capture is up, for a checkpoint.
 ///
 /// # Errors
@@ -31,6 +34,18 @@ pub fn store_up(views: &dyn ViewSource, strings: &mut BTreeMap<String, String>) 
     let text = serde_json::to_string(&views.up()).map_err(|e| usage!("up cannot be written: {e}"))?;
     strings.insert(UP_KEY.to_owned(), text);
     Ok(())
+}
+
+/// The program by whose poses a unit of a run's capture is a metre, for a checkpoint; nothing if they do not say so.
+pub fn store_metric(views: &dyn ViewSource, strings: &mut BTreeMap<String, String>) {
+    if let Some(program) = views.metric() {
+        strings.insert(METRIC_KEY.to_owned(), program.to_owned());
+    }
+}
+
+/// The program by whose poses a unit of the capture is a metre, as a checkpoint carries it.
+pub fn metric_from_strings(strings: &BTreeMap<String, String>) -> Option<String> {
+    strings.get(METRIC_KEY).cloned()
 }
 
 /// Which direction of the capture is up, as a checkpoint carries it.

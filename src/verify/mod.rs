@@ -19,7 +19,8 @@ pub use baked_scene::{BakedScene, bake_checkpoint};
 pub use contribution::Contribution;
 pub use difference::{Difference, EXPORT_VIEWS, PSNR_TEST, evenly_spread};
 pub use identity::{
-    CAMERAS_KEY, CaptureIdentity, IDENTITY_KEY, cameras_from_strings, cameras_json, store_up, up_from_strings,
+    CAMERAS_KEY, CaptureIdentity, IDENTITY_KEY, cameras_from_strings, cameras_json, metric_from_strings,
+    store_metric, store_up, up_from_strings,
 };
 pub use limits::QualityLimits;
 pub use rate_distortion::{Backends, RateGoal, Rounding, find_rounding};

@@ -18,7 +18,7 @@ const FALLBACK_PSNR_MIN: f64 = 45.0;
 /// Mean PSNR against photos, dB.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct PhotoPsnr {
-    /// PSNR of the scene.
+    /// PSNR of the scene, with its textures.
     pub before: f64,
     /// PSNR of the file.
     pub after: f64,
@@ -50,9 +50,11 @@ pub struct Verdict {
     pub loss_db: f64,
     /// The same in the worst view, dB.
     pub loss_worst_db: f64,
-    /// PSNR against the whole scene, dB, of what a program without textures shows of the file: of the file's
-    /// fallback, if it has one.
+    /// PSNR against the whole scene, dB, of what a program without textures shows of the file: of the file itself, if its format
+    /// has none, else of the file's fallback, if it has one.
     pub fallback_psnr: f64,
+    /// What that costs on photos, as `loss_db`.
+    pub fallback_loss_db: f64,
     /// PSNR of the fallback against the untextured file at the fallback's SH degree, which it should equal, dB; `None` without a
     /// fallback.
     pub fallback_psnr_to_untextured: Option<f64>,
@@ -129,7 +131,11 @@ pub fn verify(
     let images = renderer.images(&found, views)?;
     let fallback =
         file.fallback.map(|fallback| fallback_images(renderer, fallback, &found, views)).transpose()?;
-    let shown = fallback.as_ref().map_or(untextured, |[shown, _]| shown);
+    let shown = match &fallback {
+        Some([shown, _]) => shown,
+        None if file.textured => untextured,
+        None => &images,
+    };
     let targets = if file.textured { whole } else { untextured };
     let pairs = views.iter().zip(&images).zip(targets);
     let differences: Vec<Difference> =
@@ -138,12 +144,13 @@ pub fn verify(
         untextured: !file.textured,
         splats: [found.num_splats(), scene.num_splats()],
         fallback_psnr: mean_psnr(shown, whole),
+        fallback_loss_db: mean_of(shown, whole, |mse| loss_db(mse, mse_to_photos(scene))),
         fallback_psnr_to_untextured: fallback.as_ref().map(|[shown, meant]| mean_psnr(shown, meant)),
         ..Verdict::of(&differences, mse_to_photos(scene), limits)
     };
     if let Some(photos) = photos {
         let [before, after, fallback] = [
-            psnr_on_photos(photos, views, targets)?,
+            psnr_on_photos(photos, views, whole)?,
             psnr_on_photos(photos, views, &images)?,
             psnr_on_photos(photos, views, shown)?,
         ];
@@ -173,8 +180,13 @@ fn fallback_images(
 
 /// Mean PSNR of images against others, dB.
 fn mean_psnr(found: &[RenderedImage], expected: &[RenderedImage]) -> f64 {
-    let psnrs = found.iter().zip(expected).map(|(f, e)| psnr_from_mse(Difference::mse_of(f, e)));
-    psnrs.sum::<f64>() / expected.len() as f64
+    mean_of(found, expected, psnr_from_mse)
+}
+
+/// Mean over images of a figure of their mean squared error.
+fn mean_of(found: &[RenderedImage], expected: &[RenderedImage], figure: impl Fn(f64) -> f64) -> f64 {
+    let figures = found.iter().zip(expected).map(|(f, e)| figure(Difference::mse_of(f, e)));
+    figures.sum::<f64>() / expected.len() as f64
 }
 
 /// Mean PSNR of images on the photos of training views and on those of test views, dB.
@@ -256,6 +268,7 @@ impl Verdict {
             loss_db: mean(&loss),
             loss_worst_db: differences.iter().map(loss).fold(0.0, f64::max),
             fallback_psnr: 0.0,
+            fallback_loss_db: 0.0,
             fallback_psnr_to_untextured: None,
             on_training_photos: None,
             on_test_photos: None,

@@ -8,6 +8,7 @@ pub mod hash;
 pub mod meta;
 pub mod origin;
 pub mod overview;
+pub mod surface;
 pub mod validate;
 
 use crate::Transform;
@@ -120,6 +121,12 @@ pub struct AssetCamera {
     pub translation: [f64; 3],
 }
 
+/// How [`Provenance::scale`] begins if a unit of files is a metre.
+pub const METRES: &str = "metres";
+
+/// [`Provenance::scale`] if it is not known how long a unit of files is.
+pub const UNKNOWN_SCALE: &str = "unknown scale";
+
 /// Where an asset comes from. Empty strings stand for what is not known.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
@@ -137,6 +144,10 @@ pub struct Provenance {
     /// Which direction of the capture is up in files, and why; `world_from_capture` is the turn itself.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub up: String,
+    /// Whether a unit of files is a metre, and how that is known: a text that begins with [`METRES`], or [`UNKNOWN_SCALE`]; empty if
+    /// the file does not say.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub scale: String,
     /// Facts about the training, by name.
     pub training: BTreeMap<String, String>,
 }
@@ -204,6 +215,13 @@ impl Default for SplatAsset {
             cameras: Vec::new(),
             provenance: Provenance::default(),
         }
+    }
+}
+
+impl Provenance {
+    /// What is known about the scale, in words.
+    pub fn scale_words(&self) -> &str {
+        if self.scale.is_empty() { UNKNOWN_SCALE } else { &self.scale }
     }
 }
 

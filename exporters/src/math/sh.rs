@@ -15,6 +15,20 @@ const SH_3: [f64; 5] = [
     1.445_305_721_320_277,
 ];
 
+/// Highest degree that assets hold.
+pub const SH_DEGREE_MAX: u32 = 3;
+
+/// Highest degree that is read: SPZ holds it since version 3, and its converter writes it to PLY.
+pub const SH_DEGREE_READ_MAX: u32 = 4;
+
+/// What to say of splats of another program of this degree; `None` if the asset holds all of it.
+pub fn dropped_sh(degree: u32) -> Option<String> {
+    let what = format!(
+        "SH of degree {degree}: kept up to degree {SH_DEGREE_MAX}, which leaves out the finest reflections"
+    );
+    (degree > SH_DEGREE_MAX).then_some(what)
+}
+
 /// SH coefficients per colour channel, for all degrees up to this one.
 pub const fn num_sh_coefficients(degree: u32) -> usize {
     ((degree + 1) * (degree + 1)) as usize

@@ -6,7 +6,7 @@
 //! | `x y z` | centre, in the frame of the capture (COLMAP's axes) or in the asset's frame of files, if it has one |
 //! | `nx ny nz` | the splat's normal |
 //! | `f_dc_0..2` | SH of degree 0 |
-//! | `f_rest_*` | SH of the higher degrees, **channel by channel**: 0, 9, 24 or 45 |
+//! | `f_rest_*` | SH of the higher degrees, **channel by channel**: 0, 9, 24 or 45; of the 72 of other programs, degree 4 is dropped |
 //! | `opacity` | logit |
 //! | `scale_0 scale_1` | natural logarithm of the standard deviations |
 //! | `scale_2` | logarithm of the thickness; absent in the 2DGS flavour |

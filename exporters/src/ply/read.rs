@@ -10,7 +10,8 @@ use crate::fallback::broken::BrokenSplats;
 use crate::fallback::ellipsoid::{is_thick, thinnest_last};
 use crate::files::limits::{room_for_splats, splat_bytes};
 use crate::files::read::read_file;
-use crate::{AssetMap, ReadLimits, Result, Section, SplatAsset, Transform};
+use crate::math::sh::dropped_sh;
+use crate::{AssetMap, ReadLimits, Result, Section, SplatAsset, Transform, num_sh_coefficients};
 use std::path::Path;
 
 /// The contents of a PLY file.
@@ -29,6 +30,8 @@ pub struct PlyContents {
     pub comments: Vec<String>,
     /// Which splats were broken and left out, as a warning; `None` if none were, as in our own files.
     pub left_out: Option<String>,
+    /// What of the SH was left out, as a warning; `None` if all were kept.
+    pub dropped_sh: Option<String>,
 }
 
 /// Reads a file. See [`decode_ply`].
@@ -43,7 +46,7 @@ pub fn read_ply(path: &Path, limits: &ReadLimits) -> Result<PlyContents> {
 ///
 /// # Errors
 /// [`crate::Error::Invalid`] if the file is damaged or no file of splats, or more than a tenth of its splats are broken,
-/// [`crate::Error::Unsupported`] for big-endian files, lists and SH degrees above 3, [`crate::Error::TooLarge`].
+/// [`crate::Error::Unsupported`] for big-endian files, lists and SH degrees above 4, [`crate::Error::TooLarge`].
 pub fn decode_ply(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<PlyContents> {
     let rows = Rows::open(bytes, path)?;
     let columns = Columns::find(rows.vertex(), path)?;
@@ -56,6 +59,7 @@ pub fn decode_ply(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<PlyC
         sections: rows.sections(),
         comments: rows.header.comments.clone(),
         left_out: None,
+        dropped_sh: dropped_sh(columns.stored_sh_degree),
     };
     take_provenance(&mut contents);
     let origin = local_origin(&rows, &columns)?;
@@ -108,7 +112,7 @@ fn push_splat(
     asset.opacities.push(opacity.clamp(f32::MIN_POSITIVE, 1.0));
     asset.sh.extend(columns.dc.map(|c| values[c] as f32));
     let per_channel = columns.rest.len() / 3;
-    for k in 0..per_channel {
+    for k in 0..num_sh_coefficients(columns.sh_degree) - 1 {
         let coefficient = |channel: usize| values[columns.rest[channel * per_channel + k]] as f32;
         asset.sh.extend((0..3).map(coefficient));
     }
@@ -144,6 +148,7 @@ fn take_provenance(contents: &mut PlyContents) {
             "world_from_capture" => world = super::world_from_comment(text),
             "up" => up = PlyUp::ALL.into_iter().find(|up| up.name() == text),
             "up_in_capture" => facts.up = plain(text),
+            "scale" => facts.scale = plain(text),
             "title" => facts.title = plain(text),
             "author" => facts.author = plain(text),
             "licence" => facts.licence = plain(text),

@@ -102,6 +102,34 @@ fn everything_but_the_maps_round_trips() {
     }
 }
 
+/// The file with this many columns f_rest, the further ones of each channel 0.5.
+fn with_rest(bytes: &[u8], count: usize) -> Vec<u8> {
+    let body = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
+    let text = std::str::from_utf8(&bytes[..body]).unwrap();
+    let last = "property float f_rest_44\n";
+    let more: String = (45..count).map(|i| format!("property float f_rest_{i}\n")).collect();
+    let mut out = text.replace(last, &(last.to_owned() + &more)).into_bytes();
+    let further = 0.5_f32.to_le_bytes().repeat(count / 3 - 15);
+    for row in bytes[body..].chunks(62 * 4) {
+        out.extend(&row[..36]);
+        row[36..216].chunks(60).for_each(|channel| out.extend([channel, &further].concat()));
+        out.extend(&row[216..]);
+    }
+    out
+}
+
+#[test]
+fn the_fourth_degree_of_other_programs_is_left_out_with_a_warning() {
+    let bytes = encode_ply(&fixture(20, 3), &PlyOptions::default()).unwrap().0;
+    let expected = decode(&bytes).unwrap();
+    let found = decode(&with_rest(&bytes, 72)).unwrap();
+    assert_eq!(found.asset, expected.asset);
+    assert!(found.dropped_sh.unwrap().contains("degree 4"));
+    assert_eq!(expected.dropped_sh, None, "negative control");
+    let error = decode(&with_rest(&bytes, 105)).unwrap_err().to_string();
+    assert!(error.contains("105 properties f_rest_*"), "{error}");
+}
+
 #[test]
 fn rows_have_the_layout_of_3dgs() {
     let asset = fixture(5, 2);

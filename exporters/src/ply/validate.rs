@@ -24,8 +24,9 @@ fn look(bytes: &[u8], path: &Path, check: &mut Check, issues: &mut Vec<Issue>) -
     let columns = Columns::find(rows.vertex(), path)?;
     let mut info =
         |place: &str, what: String| issues.push(Issue::new("LT4011", Severity::Info, place, &what));
-    if ![0, 3].contains(&columns.sh_degree) {
-        let what = format!("SH of degree {}: the viewer of 3DGS reads degree 3 only", columns.sh_degree);
+    if ![0, 3].contains(&columns.stored_sh_degree) {
+        let degree = columns.stored_sh_degree;
+        let what = format!("SH of degree {degree}: the viewer of 3DGS reads degree 3 only");
         info("header", what);
     }
     if columns.scales.len() == 2 && !rows.header.comments.iter().any(|c| c == COMMENT_2DGS) {

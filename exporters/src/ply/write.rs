@@ -145,6 +145,7 @@ fn header(asset: &SplatAsset, options: &PlyOptions, sh_degree: u32) -> String {
         comment("origin", format!("{x} {y} {z}"));
     }
     comment("up_in_capture", escaped(&facts.up));
+    comment("scale", escaped(&facts.scale));
     comment("title", escaped(&facts.title));
     comment("author", escaped(&facts.author));
     comment("licence", escaped(&facts.licence));

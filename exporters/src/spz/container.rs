@@ -3,6 +3,7 @@
 use super::extensions::Extensions;
 use super::{MAGIC, NUM_STREAMS};
 use crate::files::limits::splat_bytes;
+use crate::math::sh::{SH_DEGREE_MAX, SH_DEGREE_READ_MAX};
 use crate::{Error, ReadLimits, Result, SPLATS_MAX, num_sh_coefficients};
 use std::path::Path;
 
@@ -16,7 +17,8 @@ const SMALL_BYTES: u64 = 16 << 20;
 pub struct Header {
     pub version: u32,
     pub num_splats: usize,
-    pub sh_degree: u32,
+    /// Of the streams.
+    pub stored_sh_degree: u32,
     pub fractional_bits: u32,
     pub flags: u8,
     /// Number of streams in version 4; reserved before.
@@ -44,8 +46,8 @@ impl Header {
         if !(1..=4).contains(&version) {
             return Err(unsupported!(path, "SPZ version {version}; supported: 1 to 4"));
         }
-        if sh_degree > 3 {
-            return Err(unsupported!(path, "SH degree {sh_degree}; supported: 0 to 3"));
+        if u32::from(sh_degree) > SH_DEGREE_READ_MAX {
+            return Err(unsupported!(path, "SH degree {sh_degree}; supported: 0 to {SH_DEGREE_READ_MAX}"));
         }
         if fractional_bits > 30 {
             return Err(invalid!(path, "{fractional_bits} fractional bits, expected at most 30"));
@@ -54,15 +56,20 @@ impl Header {
         if num_splats > SPLATS_MAX {
             return Err(too_large!(path, "{num_splats} splats, at most {SPLATS_MAX}"));
         }
-        let [sh_degree, fractional_bits] = [sh_degree, fractional_bits].map(u32::from);
-        Ok(Self { version, num_splats, sh_degree, fractional_bits, flags, last })
+        let [stored_sh_degree, fractional_bits] = [sh_degree, fractional_bits].map(u32::from);
+        Ok(Self { version, num_splats, stored_sh_degree, fractional_bits, flags, last })
+    }
+
+    /// Of the asset.
+    pub fn sh_degree(&self) -> u32 {
+        self.stored_sh_degree.min(SH_DEGREE_MAX)
     }
 
     /// Bytes of a splat in each of the streams.
     pub fn widths(&self) -> [usize; NUM_STREAMS] {
         let position = if self.version == 1 { 6 } else { 9 };
         let rotation = if self.version < 3 { 3 } else { 4 };
-        [position, 1, 3, 3, rotation, 3 * (num_sh_coefficients(self.sh_degree) - 1)]
+        [position, 1, 3, 3, rotation, 3 * (num_sh_coefficients(self.stored_sh_degree) - 1)]
     }
 
     /// Bytes of the streams, after checking that a file of `file_bytes` may hold that many.
@@ -73,7 +80,7 @@ impl Header {
         let n = self.num_splats;
         let sizes = self.widths().map(|width| width * n);
         let total: u64 = sizes.iter().map(|&s| s as u64).sum();
-        limits.check(total + splat_bytes(self.sh_degree) * n as u64, &format!("{n} splats"), path)?;
+        limits.check(total + splat_bytes(self.sh_degree()) * n as u64, &format!("{n} splats"), path)?;
         let most = EXPANSION_MAX.saturating_mul(file_bytes as u64).max(SMALL_BYTES);
         if total > most {
             let what = format!("{total} bytes of splats in a file of {file_bytes}, at most {most}");

@@ -9,8 +9,12 @@ use crate::fallback::broken::BrokenSplats;
 use crate::fallback::ellipsoid;
 use crate::files::limits::room_for_splats;
 use crate::files::read::read_file;
+use crate::math::sh::dropped_sh;
 use crate::math::yup;
-use crate::{AssetMap, Contents, Describes, Error, Filter, ReadLimits, Result, Section, SplatAsset, text};
+use crate::{
+    AssetMap, Contents, Describes, Error, Filter, ReadLimits, Result, Section, SplatAsset,
+    num_sh_coefficients, text,
+};
 use std::path::Path;
 
 /// Reads a file. See [`decode_spz`].
@@ -45,6 +49,7 @@ pub fn decode_spz(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<Cont
     } else {
         warnings.extend(broken.leave_out(&mut asset, path)?);
     }
+    warnings.extend(dropped_sh(header.stored_sh_degree));
     if thick > 0 {
         warnings.push(format!("{thick} splats are thick: drawn as discs, they lose their thinnest axis"));
     }
@@ -83,8 +88,9 @@ fn splats(
     coordinates: Option<Coordinates>,
     path: &Path,
 ) -> Result<(SplatAsset, usize, BrokenSplats)> {
-    let n = header.num_splats;
-    let mut asset = room_for_splats(n, header.sh_degree).map_err(|e| e.at(path))?;
+    let (n, sh_degree) = (header.num_splats, header.sh_degree());
+    let num_rest = 3 * (num_sh_coefficients(sh_degree) - 1);
+    let mut asset = room_for_splats(n, sh_degree).map_err(|e| e.at(path))?;
     let step = 1.0 / f64::from(1_u32 << header.fractional_bits);
     let data = |i: usize| streams.get(i).map_or(&[][..], |s| &s.data);
     let (mut thick, mut broken) = (0, BrokenSplats::default());
@@ -114,14 +120,14 @@ fn splats(
         asset.rotations.push(yup::rotation_back(q.map(|v| v as f32)));
         asset.scales.push([scales[0] as f32, scales[1] as f32]);
         let dc = row(2).iter().map(|&c| super::write::dc_from_code(c) as f32);
-        let rest = row(5).iter().map(|&c| (f32::from(c) - 128.0) / 128.0);
+        let rest = row(5)[..num_rest].iter().map(|&c| (f32::from(c) - 128.0) / 128.0);
         let sh: Vec<f32> = dc.chain(rest).collect();
         let sh = match &turn {
             Some(turn) => turn.sh(&sh),
             None => sh,
         };
         asset.sh.extend(yup::sh(&sh));
-        asset.sh_degrees.push(header.sh_degree as u8);
+        asset.sh_degrees.push(sh_degree as u8);
         asset.maps.push(AssetMap::default());
         thick += usize::from(broken.is_sound(&asset, i) && ellipsoid::is_thick(scales));
     }

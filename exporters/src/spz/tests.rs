@@ -136,6 +136,39 @@ fn files_of_older_versions_are_read() {
     );
 }
 
+/// The file with bytes for SH up to this degree behind each splat's own, as the library of SPZ stores them since it has degree 4.
+fn of_degree(asset: &SplatAsset, degree: u8) -> Vec<u8> {
+    use std::io::{Read, Write};
+    let mut bytes = Vec::new();
+    let newest = encode(asset, SpzVersion::V3).unwrap().0;
+    flate2::read::GzDecoder::new(&newest[..]).read_to_end(&mut bytes).unwrap();
+    let start = 16 + 20 * asset.num_splats();
+    let more = crate::num_sh_coefficients(u32::from(degree)) - crate::num_sh_coefficients(asset.sh_degree);
+    let rows = bytes[start..].chunks(bytes[start..].len() / asset.num_splats());
+    let longer: Vec<u8> = rows.flat_map(|row| [row, &vec![200; 3 * more]].concat()).collect();
+    bytes.splice(start.., longer);
+    bytes[12] = degree;
+    let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    encoder.write_all(&bytes).unwrap();
+    encoder.finish().unwrap()
+}
+
+#[test]
+fn the_fourth_degree_of_other_programs_is_left_out_with_a_warning() {
+    let asset = fixture(20, 3);
+    let expected = decode(&encode(&asset, SpzVersion::V3).unwrap().0).unwrap();
+    let found = decode(&of_degree(&asset, 4)).unwrap();
+    assert_eq!((found.asset.sh_degree, &found.asset.sh), (3, &expected.asset.sh));
+    assert_eq!(found.asset.positions, expected.asset.positions);
+    assert!(matches!(&found.warnings[..], [w] if w.contains("degree 4")), "{:?}", found.warnings);
+    assert!(expected.warnings.is_empty(), "negative control");
+    assert!(
+        validate(&of_degree(&asset, 4), Path::new("")).iter().all(|i| i.severity != crate::Severity::Error)
+    );
+    let error = decode(&of_degree(&asset, 5)).unwrap_err().to_string();
+    assert!(error.contains("SH degree 5; supported: 0 to 4"), "{error}");
+}
+
 #[test]
 fn more_metadata_than_there_is_room_for_are_refused() {
     let mut asset = fixture(3, 0);

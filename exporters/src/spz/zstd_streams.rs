@@ -51,7 +51,7 @@ pub fn unpack(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<Containe
     let toc = word(bytes, 16).filter(|_| bytes.len() >= HEADER_BYTES);
     let toc = toc.ok_or_else(|| invalid!(path, "{} bytes, the header of an SPZ file has 32", bytes.len()))?
         as usize;
-    let expected = NUM_STREAMS - usize::from(header.sh_degree == 0);
+    let expected = NUM_STREAMS - usize::from(header.stored_sh_degree == 0);
     if usize::from(header.last) < expected {
         return Err(invalid!(path, "{} streams, expected {expected}", header.last));
     }

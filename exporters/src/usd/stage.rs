@@ -6,6 +6,7 @@ use super::numbers::{self, floats, ints};
 use super::quad_mesh;
 use super::shade::{material, texture};
 use super::value::{Form, Numbers, Value};
+use crate::METRES;
 use crate::asset::hash::text_from_hash;
 use crate::asset::meta::Meta;
 use crate::atlas::{Atlas, TexelDecode};
@@ -74,7 +75,7 @@ fn custom_data(asset: &SplatAsset, quality: Quality, hash: u64, sidecars: &Sidec
         ("hash", Value::string(&text_from_hash(hash))),
         ("licence", Value::string(&facts.licence)),
         ("meta", Value::string(&meta)),
-        ("metricScale", Value::Bool(false)),
+        ("metricScale", Value::Bool(facts.scale.starts_with(METRES))),
         ("programVersion", Value::string(&facts.program_version)),
         ("quality", Value::string(quality.name())),
         ("source", Value::string(&facts.source)),

@@ -129,7 +129,8 @@ fn curves(study: &Study, scene: &str, slug: &str) -> Section {
     }
     charts.retain(|chart| !chart.series.is_empty());
     let note = if charts.is_empty() {
-        "The runs were evaluated only at their end; litetex train --eval-every N records a curve.".to_owned()
+        "The runs were evaluated only at their end; litetex train --set eval-every=N records a curve."
+            .to_owned()
     } else {
         let missing = missing_times(study, scene);
         format!("Means over the seeds; bands span the seeds from lowest to highest. {missing}")
@@ -304,7 +305,7 @@ mod tests {
         bare.summary = Some(serde_json::json!({ "quality": null, "curve": [{ "step": "x" }, 3, {}] }));
         let sections = sections(&Study::new(vec![vec![bare]], &Options::default()).unwrap());
         assert!(sections.iter().all(|s| s.charts.is_empty()));
-        assert!(sections[1].note.contains("--eval-every"));
+        assert!(sections[1].note.contains("eval-every="));
     }
 
     #[test]

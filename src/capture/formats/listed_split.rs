@@ -2,7 +2,8 @@
 //! file beside it (ScanNet++, Eyeful Tower).
 
 use super::bytes::read_text;
-use crate::capture::folder::{CaptureFolder, without_extension};
+use crate::capture::folder::CaptureFolder;
+use crate::capture::paths::without_extension;
 use crate::capture::source::first_names;
 use crate::text::{counted, quoted};
 use crate::views::Split;

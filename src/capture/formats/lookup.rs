@@ -2,18 +2,15 @@
 //! a path on another computer.
 
 use crate::Result;
-use crate::capture::folder::{CaptureFolder, PhotoFolder};
+use crate::capture::folder::CaptureFolder;
+use crate::capture::photo_folder::{Match, PhotoFolder};
 use crate::capture::source::Source;
-use std::collections::HashSet;
 use std::fs::File;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 /// Levels of folders in which pose files are looked for.
 const DEPTH_MAX: usize = 3;
-
-/// Names at the end of a path on another computer that may lead to a photo here.
-const ENDS_MAX: usize = 8;
 
 /// The files with an extension, in either case, in a folder and `depth` levels of folders in it; sorted.
 pub(crate) fn files(folder: &Path, extension: &str, depth: usize) -> Vec<PathBuf> {
@@ -48,34 +45,16 @@ pub(crate) fn photo_folder(folder: &CaptureFolder, usual: &[&str]) -> PhotoFolde
     folder.images.clone().unwrap_or_else(|| folder.photos(inside.unwrap_or_default()))
 }
 
-/// The photo of a label and its name in the folder: that of the longest end of the path that is there.
+/// The photo of a label and its name in the folder.
 ///
 /// # Errors
 /// As [`PhotoFolder::find`].
-pub(crate) fn find(photos: &PhotoFolder, label: &str) -> Result<Option<(String, PathBuf)>> {
+pub(crate) fn find(photos: &PhotoFolder, label: &str) -> Result<Option<(String, Match)>> {
     let path = label.replace('\\', "/");
     // Paths on another computer, with a drive or a root, are none of this one.
-    let mut rest = path.split_once(":/").map_or(path.as_str(), |(_, inside)| inside);
-    rest = rest.trim_start_matches(['/', '.']);
-    if let Some((before, _)) = rest.rmatch_indices('/').nth(ENDS_MAX - 1) {
-        rest = &rest[before + 1..];
-    }
-    loop {
-        if let Some(photo) = (!rest.is_empty()).then(|| photos.find(rest)).transpose()?.flatten() {
-            return Ok(Some((name_in(photos, &photo), photo)));
-        }
-        match rest.split_once('/') {
-            Some((_, inner)) => rest = inner,
-            None => return Ok(None),
-        }
-    }
-}
-
-/// The names of the files in a folder without their extension, for forms that may name thousands of photos that are not
-/// there.
-pub(crate) fn stems(photos: &PhotoFolder) -> HashSet<String> {
-    let entries = std::fs::read_dir(photos.path()).into_iter().flatten().flatten();
-    entries.filter_map(|e| Some(e.path().file_stem()?.to_string_lossy().into_owned())).collect()
+    let inside = path.split_once(":/").map_or(path.as_str(), |(_, inside)| inside);
+    let found = photos.find(inside.trim_start_matches(['/', '.']))?;
+    Ok(found.map(|photo| (name_in(photos, &photo), Match { asked: label.to_owned(), ..photo })))
 }
 
 /// An error if none of the posed photos is there; `remedy` says what to do.

@@ -86,6 +86,8 @@ struct Chunk<'a, 'input> {
     placement: Option<Placement>,
     is_local: bool,
     cameras: Vec<Node<'a, 'input>>,
+    /// Of the photos, by the ids of their cameras; exports state none, projects do.
+    paths: BTreeMap<&'a str, &'a str>,
 }
 
 impl<'a, 'input> Chunk<'a, 'input> {
@@ -103,7 +105,14 @@ impl<'a, 'input> Chunk<'a, 'input> {
             placement: placement(chunk)?,
             is_local: child(chunk, "reference").is_some_and(|r| text_of(r).starts_with("LOCAL_CS")),
             cameras: by_id("cameras", "camera").map(|(_, camera)| camera).collect(),
+            paths: chunk.descendants().filter_map(photo_path).collect(),
         })
+    }
+
+    /// What names the photo of a camera: its path where it is stated, or else the label.
+    fn name_of_photo(&self, camera: Node<'a, 'input>) -> &'a str {
+        let path = camera.attribute("id").and_then(|id| self.paths.get(id).copied());
+        path.unwrap_or(camera.attribute("label").unwrap_or_default())
     }
 
     fn placement(&self, camera: Node<'_, '_>) -> Option<&Placement> {
@@ -171,18 +180,35 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
     let mut lenses = BTreeMap::<&str, Result<Lens, String>>::new();
     let aligned: BTreeSet<usize> = chunk.aligned().iter().map(|c| c.id().get_usize()).collect();
     let mut num_apart = 0;
+    let mut num_of_name = BTreeMap::<&str, usize>::new();
+    let is_used = |c: &&Node<'_, '_>| aligned.contains(&c.id().get_usize()) && !is_disabled(**c);
+    for &camera in chunk.cameras.iter().filter(is_used) {
+        *num_of_name.entry(chunk.name_of_photo(camera)).or_default() += 1;
+    }
     for &camera in &chunk.cameras {
         let label = camera.attribute("label").unwrap_or_default();
         if child(camera, "transform").is_none() {
             unused.unposed.push(label.to_owned());
             continue;
         }
-        if matches!(camera.attribute("enabled"), Some("false" | "0")) {
+        if is_disabled(camera) {
             unused.disabled.push(label.to_owned());
             continue;
         }
         if !aligned.contains(&camera.id().get_usize()) {
             num_apart += 1;
+            continue;
+        }
+        let named = chunk.name_of_photo(camera);
+        if num_of_name[named] > 1 {
+            let element = format!("camera {} ({})", camera.attribute("id").unwrap_or("?"), quoted(named));
+            left_out.push(
+                element,
+                format!(
+                    "{} cameras have this label, and no path says whose photo it is; rename them",
+                    num_of_name[named]
+                ),
+            );
             continue;
         }
         let id = camera.attribute("sensor_id").unwrap_or_default();
@@ -201,8 +227,8 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
                 continue;
             }
         };
-        let Some((name, photo)) = find_photo(&photos, label)? else {
-            source.without_photo.push(label.to_owned());
+        let Some((name, photo)) = find_photo(&photos, named)? else {
+            source.without_photo.push(named.to_owned());
             continue;
         };
         source.views.push(SourceView::new(name, photo, lens, camera_from_capture));
@@ -219,6 +245,17 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
     unused.report(&mut source.report);
     source.stated_up = chunk.up(&source.views);
     Ok(source)
+}
+
+fn is_disabled(camera: Node<'_, '_>) -> bool {
+    matches!(camera.attribute("enabled"), Some("false" | "0"))
+}
+
+/// The path of a photo, and the id of its camera: `camera` or, in the frame of a project, what refers to one.
+fn photo_path<'a>(photo: Node<'a, '_>) -> Option<(&'a str, &'a str)> {
+    let camera = photo.parent().filter(|_| photo.has_tag_name("photo"))?;
+    let id = camera.attribute("camera_id").or(camera.attribute("id"))?;
+    photo.attribute("path").filter(|path| !path.is_empty()).map(|path| (id, path))
 }
 
 /// The chunk with the most posed cameras.

@@ -218,3 +218,71 @@ fn the_file_may_be_named_and_has_any_name() {
         assert_eq!((capture.format.name(), capture.views.len()), ("metashape", 2));
     }
 }
+
+/// An XML with a camera for each label, and what each of them holds besides its pose.
+fn labelled(cameras: &[(&str, &str)], frames: &str) -> String {
+    let (before, rest) = SURVEY.split_once("<camera id").unwrap();
+    let camera = format!("<camera id{}", rest.split_once("</camera>").unwrap().0);
+    let after = rest.split_once("</camera>").unwrap().1;
+    let label = camera.split("label=\"").nth(1).unwrap().split('"').next().unwrap().to_owned();
+    let all: String = cameras
+        .iter()
+        .enumerate()
+        .map(|(id, (name, inside))| {
+            camera.replace(&label, name).replacen("id=\"0\"", &format!("id=\"{id}\""), 1)
+                + inside
+                + "</camera>"
+        })
+        .collect();
+    format!("{before}{all}{after}").replace("</chunk>", &format!("{frames}</chunk>"))
+}
+
+#[test]
+fn labels_that_repeat_are_told_apart_by_the_paths_of_their_photos() {
+    let folder = tempdir().unwrap();
+    let xml = |text: String| {
+        let path = folder.path().join("cameras.xml");
+        std::fs::write(&path, text).unwrap();
+        read(&path, &CaptureFolder::new(folder.path(), None, false).unwrap())
+    };
+    let mut cameras: Vec<(String, String)> =
+        (0..20).map(|i| (format!("IMG_{i:02}"), String::new())).collect();
+    for (name, _) in &cameras {
+        std::fs::write(folder.path().join(name).with_extension("jpg"), b"").unwrap();
+    }
+    for day in ["day1", "day2"] {
+        std::fs::create_dir_all(folder.path().join(day)).unwrap();
+        std::fs::write(folder.path().join(day).join("IMG_99.jpg"), b"").unwrap();
+        cameras.push(("IMG_99".to_owned(), format!("<photo path=\"C:/survey/{day}/IMG_99.JPG\"/>")));
+    }
+    let load = |cameras: &[(String, String)], frames: &str| {
+        let cameras: Vec<(&str, &str)> = cameras.iter().map(|(a, b)| (&**a, &**b)).collect();
+        xml(labelled(&cameras, frames))
+    };
+    let names = |source: &Source| source.views[20..].iter().map(|v| v.name.clone()).collect::<Vec<_>>();
+    let both = ["day1/IMG_99.jpg", "day2/IMG_99.jpg"];
+    assert_eq!(names(&load(&cameras, "").unwrap()), both);
+    // As in the files of a project.
+    cameras[20].1.clear();
+    cameras[21].1.clear();
+    let frames = "<frames><frame id='0'><cameras><camera camera_id='20'><photo path='../day1/IMG_99.jpg'/></camera>\
+                  <camera camera_id='21'><photo path='../day2/IMG_99.jpg'/></camera></cameras></frame></frames>";
+    assert_eq!(names(&load(&cameras, frames).unwrap()), both);
+    // Without paths they are left out by name, up to a tenth.
+    std::fs::write(folder.path().join("IMG_99.jpg"), b"").unwrap();
+    let source = load(&cameras, "").unwrap();
+    assert_eq!(source.views.len(), 20);
+    let warning = &source.report.warnings.iter().find(|w| w.code == "views-left-out").unwrap();
+    assert!(
+        warning.count == 2 && warning.message.contains("camera 20 (\"IMG_99\"): 2 cameras have"),
+        "{warning:?}"
+    );
+    let error = load(&cameras[3..], "").err().unwrap().to_string();
+    assert!(error.contains("2 of 19 views") && error.contains("IMG_99"), "{error}");
+    // Negative control: a camera that is not used takes no name.
+    let mut disabled = cameras.clone();
+    disabled[21].0 = "IMG_99\" enabled=\"false".to_owned();
+    let source = load(&disabled, "").unwrap();
+    assert_eq!(names(&source), ["IMG_99.jpg"]);
+    assert!(source.report.warnings.iter().all(|w| w.code != "views-left-out"));
+}

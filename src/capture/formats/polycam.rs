@@ -11,6 +11,7 @@ use crate::camera::Pinhole;
 use crate::capture::folder::CaptureFolder;
 use crate::capture::left_out::LeftOut;
 use crate::capture::lens::{Distortion, Lens};
+use crate::capture::photo_folder::Match;
 use crate::capture::photos::photo_size;
 use crate::capture::pose_format::{Found, PoseFormat};
 use crate::capture::source::{Source, SourceView};
@@ -76,6 +77,7 @@ fn read(cameras: &Path, photos: &str, folder: &CaptureFolder) -> Result<Source> 
     let photos =
         folder.images.clone().unwrap_or_else(|| folder.photos(&keyframes.join(photos).to_string_lossy()));
     let mut source = Source::at(cameras);
+    source.metric = Some("Polycam");
     source.stated_up = Some(DVec3::Y);
     let mut left_out = LeftOut::default();
     for path in files(cameras, "json", 0) {
@@ -96,7 +98,7 @@ fn read(cameras: &Path, photos: &str, folder: &CaptureFolder) -> Result<Source> 
 }
 
 /// The view of a file and its photo, or what is wrong with the file.
-fn view(path: &Path, photo: &Path) -> Result<Result<SourceView, String>> {
+fn view(path: &Path, photo: &Match) -> Result<Result<SourceView, String>> {
     let text = input_file::read_text(path, FILE_BYTES_MAX)?;
     let camera: Camera = match serde_json::from_str(&text) {
         Ok(camera) => camera,

@@ -8,7 +8,7 @@
 
 use super::axes::from_opengl;
 use super::json::{self, Number};
-use super::lookup::{photo_folder, require_photos, stems};
+use super::lookup::{photo_folder, require_photos};
 use crate::camera::{Pinhole, RigidTransform};
 use crate::capture::folder::CaptureFolder;
 use crate::capture::left_out::LeftOut;
@@ -61,12 +61,11 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
     let metadata: Metadata = json::read(path, "the metadata of Record3D")?;
     let photos = photo_folder(folder, &PHOTOS);
     let mut source = Source::at(path);
+    source.metric = Some("Record3D");
     let mut left_out = LeftOut::default();
-    let there = stems(&photos);
     for (index, pose) in metadata.poses.iter().enumerate() {
         let stem = index.to_string();
-        let photo = there.contains(&stem).then(|| photos.find(&stem)).transpose()?.flatten();
-        let Some(photo) = photo else {
+        let Some(photo) = photos.find(&stem)? else {
             source.without_photo.push(stem);
             continue;
         };

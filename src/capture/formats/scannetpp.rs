@@ -9,7 +9,7 @@
 
 use super::axes::{from_opencv, from_rows};
 use super::json::{self, Number};
-use super::lookup::{require_photos, stems};
+use super::lookup::require_photos;
 use super::transforms;
 use super::unused::Unused;
 use crate::camera::Pinhole;
@@ -79,15 +79,14 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
     let frames: BTreeMap<String, Frame> = json::read(path, "the poses of ScanNet++'s iPhone")?;
     let photos = folder.images.clone().unwrap_or_else(|| folder.photos("rgb"));
     let mut source = Source::at(path);
+    source.metric = Some("ScanNet++");
     let (mut left_out, mut unused) = (LeftOut::default(), Unused::default());
-    let there = stems(&photos);
     for (name, frame) in frames {
         let Some(pose) = frame.aligned_pose else {
             unused.unposed.push(name);
             continue;
         };
-        let photo = there.contains(&name).then(|| photos.find(&name)).transpose()?.flatten();
-        let Some(photo) = photo else {
+        let Some(photo) = photos.find(&name)? else {
             source.without_photo.push(name);
             continue;
         };

@@ -136,6 +136,8 @@ fn read_one(path: &Path, split: Option<Split>, folder: &CaptureFolder, source: &
     let beside = split.is_none().then_some(folder);
     let uses = uses(path, &frames, first_test, filenames, beside, &mut source.report)?;
     source.split_by = source.split_by.take().or(uses.split_by);
+    // `--images images_4` replaces the leading folders of the stored paths.
+    let photos = folder.images.clone().unwrap_or_else(|| folder.photos(""));
     for (index, frame) in file.frames.iter().enumerate() {
         let Use::View(listed) = uses.frames[index] else { continue };
         let element = format!("frames[{index}] ({})", quoted(&frame.file_path));
@@ -146,7 +148,7 @@ fn read_one(path: &Path, split: Option<Split>, folder: &CaptureFolder, source: &
                 continue;
             }
         };
-        let Some(photo) = find_photo(folder, &frame.file_path)? else {
+        let Some(photo) = photos.find(&plain(&frame.file_path))? else {
             source.without_photo.push(frame.file_path.clone());
             continue;
         };
@@ -214,27 +216,9 @@ fn strip_common_folder(views: &mut [SourceView]) {
 
 /// The mask at a stored path, or where it should be. The photo itself, of the same stem, is none.
 fn find_mask(folder: &CaptureFolder, stored: &str, photo: &Path) -> Result<PathBuf> {
-    match folder.photos("").find(&plain(stored))? {
-        Some(found) if found != photo => Ok(found),
+    match folder.photos("").find_whole(&plain(stored))? {
+        Some(found) if found.path != photo => Ok(found.path),
         _ => folder.file(stored),
-    }
-}
-
-fn find_photo(folder: &CaptureFolder, file_path: &str) -> Result<Option<PathBuf>> {
-    let stored = plain(file_path);
-    let Some(images) = &folder.images else {
-        return folder.photos("").find(&stored);
-    };
-    // `--images images_4` replaces the leading folders of the stored path.
-    let mut rest = stored.as_str();
-    loop {
-        if let Some(found) = images.find(rest)? {
-            return Ok(Some(found));
-        }
-        match rest.split_once('/') {
-            Some((_, inner)) => rest = inner,
-            None => return Ok(None),
-        }
     }
 }
 

@@ -38,7 +38,7 @@ describe.skipIf(!browserPath() || !process.env.LITETEX)('program', () => {
     test('a training is seen to go on, and to be killed', async () => {
         const [capture, run] = [join(folder, 'capture'), join(folder, 'run')];
         execFileSync(process.env.LITETEX!, ['-q', 'sample', capture, '--views', '12', '--size', '64x48', '--points', '300', '--no-truth']);
-        const training = await started(['train', capture, '-o', run, '--device', 'cpu', '--steps', '1000000', '--eval-every', '0', '--view=no-open']);
+        const training = await started(['train', capture, '-o', run, '--device', 'cpu', '--steps', '1000000', '--view=no-open']);
         const follower = await started(['view', run, '--no-open']);
         try {
             const { page } = await driver.open(training.url, { wait: false });

@@ -1,0 +1,85 @@
+//! Paths that pose files hold: whether they lead out of a folder, whether something is there, and names without their
+//! extension.
+
+use crate::Result;
+use crate::text::quoted;
+use std::ffi::OsStr;
+use std::path::{Component, Path, PathBuf};
+
+/// Whether a name is of a file that macOS puts beside each file on foreign disks and in archives.
+pub(crate) fn is_of_macos(name: &OsStr) -> bool {
+    let name = name.to_string_lossy();
+    name == "__MACOSX" || name.starts_with("._")
+}
+
+/// A path with backslashes as one with slashes; `None` if it has none.
+pub(crate) fn with_slashes(stored: &str) -> Option<String> {
+    stored.contains('\\').then(|| stored.replace('\\', "/"))
+}
+
+/// A name without the extension of its last part. Digits alone are none: `frame.0001` is a whole name.
+pub(crate) fn without_extension(name: &str) -> &str {
+    match name.rsplit_once('.') {
+        Some((stem, extension))
+            if !(stem.is_empty() || stem.ends_with('/') || extension.contains('/'))
+                && extension.contains(|c: char| !c.is_ascii_digit()) =>
+        {
+            stem
+        }
+        _ => name,
+    }
+}
+
+/// Whether something lies at a path that is to be read as a photo. Devices and pipes count: whoever opens the photo
+/// refuses them by name, where a view without photo would only be left out.
+pub(crate) fn is_there(path: &Path) -> bool {
+    path.metadata().is_ok_and(|found| !found.is_dir())
+}
+
+/// Refuses a path that leads out of an unpacked archive.
+///
+/// # Errors
+/// [`crate::Error::InvalidInput`], with the path as it was `stored`.
+pub(crate) fn confine(root: &Path, path: &Path, stored: &str) -> Result<()> {
+    if is_inside(root, path) {
+        return Ok(());
+    }
+    Err(invalid!(
+        root,
+        "{} is outside the archive, which must be self-contained; unpack it if you trust it",
+        quoted(stored)
+    ))
+}
+
+/// Whether a path lies in a folder, by the text of both: links lead where their owner wants them to.
+pub(crate) fn is_inside(folder: &Path, path: &Path) -> bool {
+    let plain = |path: &Path| {
+        let mut plain = PathBuf::new();
+        for part in std::path::absolute(path).unwrap_or_else(|_| path.to_owned()).components() {
+            match part {
+                Component::ParentDir => drop(plain.pop()),
+                part => plain.push(part),
+            }
+        }
+        plain
+    };
+    plain(path).starts_with(plain(folder))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn containment_is_decided_by_the_normalised_path() {
+        let inside = |path: &str| is_inside(Path::new("/captures/garden"), Path::new(path));
+        assert!(inside("/captures/garden/images/a.png"));
+        assert!(inside("/captures/garden/images/../masks/a.png"));
+        assert!(inside("/captures/garden/./a.png"));
+        assert!(!inside("/captures/garden/images/../../a.png"));
+        assert!(!inside("/captures/garden2/a.png"));
+        assert!(!inside("/etc/passwd"));
+        assert!(is_inside(Path::new("."), Path::new("./images/a.png")));
+        assert!(!is_inside(Path::new("."), Path::new("../a.png")));
+    }
+}

@@ -1,0 +1,180 @@
+//! The photos and masks of the views of a capture: which file belongs to which, and which views have none.
+
+use super::claims;
+use super::folder::CaptureFolder;
+use super::options::LoadOptions;
+use super::paths::{is_inside, is_there};
+use super::photo_folder::{Match, PhotoFolder};
+use super::source::{Source, first_names, first_paths};
+use crate::text::{self, quoted};
+use crate::{Error, Report, Result};
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+/// The folder of the photos, which must exist unless the pose file names every photo.
+pub(super) fn photo_folder(folder: &CaptureFolder, source: &Source) -> Result<PhotoFolder> {
+    if let Some(images) = &folder.images {
+        return Ok(images.clone());
+    }
+    let images = folder.root.join("images");
+    if images.is_dir() {
+        return Ok(folder.photos("images"));
+    }
+    let beside = folder.photos("");
+    for view in &source.views {
+        if view.photo.is_some() || beside.find(&view.name)?.is_some() {
+            return Ok(beside);
+        }
+    }
+    let example = source.views.first().map(|v| &v.name).or(source.without_photo.first());
+    Err(invalid!(
+        images,
+        "no folder of photos; expected photos such as {} there: name the folder with --images",
+        quoted(example.map_or("0001.jpg", String::as_str))
+    ))
+}
+
+/// Leaves photos to the views that they belong to; the others have none.
+pub(super) fn settle(source: &mut Source, report: &mut Report) {
+    let total = source.num_posed();
+    let (views, claims): (Vec<usize>, Vec<&Match>) =
+        source.views.iter().enumerate().filter_map(|(v, view)| Some((v, view.photo.as_ref()?))).unzip();
+    let losers = claims::losers(&claims);
+    if losers.is_empty() {
+        return;
+    }
+    let what = format!(
+        "{} of {total} views are left out, since their photos belong to others: {}; rename the photos or the views",
+        losers.len(),
+        claims::list(&losers)
+    );
+    report.warn("photos-of-other-views", losers.len(), what);
+    let lost: BTreeSet<usize> = losers.iter().map(|loser| views[loser.index]).collect();
+    let mut index = 0;
+    source.views.retain(|view| {
+        let is_lost = lost.contains(&index);
+        if is_lost {
+            let asked = view.photo.as_ref().map_or(&view.name, |photo| &photo.asked);
+            source.without_photo.push(asked.clone());
+        }
+        index += 1;
+        !is_lost
+    });
+}
+
+/// Gives every view its photo; views without one are left out and counted.
+pub(super) fn find_photos(source: &mut Source, folder: &PhotoFolder, report: &mut Report) -> Result<()> {
+    let mut missing = std::mem::take(&mut source.without_photo);
+    for view in &mut source.views {
+        if view.photo.is_none() {
+            view.photo = folder.find(&view.name)?;
+        }
+        if view.photo.is_none() {
+            missing.push(view.name.clone());
+        }
+    }
+    source.views.retain(|v| v.photo.is_some());
+    source.without_photo = missing;
+    settle(source, report);
+    let missing = std::mem::take(&mut source.without_photo);
+    let total = source.views.len() + missing.len();
+    let names = first_names(missing.iter().map(String::as_str));
+    if source.views.len() < 2 {
+        return Err(Error::invalid(
+            folder.path(),
+            match missing.is_empty() {
+                true => format!("{total} view with a pose, expected at least two"),
+                false => format!(
+                    "photos of {} of {total} views are missing ({names}), at least two are needed; name their \
+                     folder with --images",
+                    missing.len()
+                ),
+            },
+        ));
+    }
+    if !missing.is_empty() {
+        let what = format!(
+            "{} of {total} views have no photo in {} and are left out: {names}",
+            missing.len(),
+            text::path(folder.path())
+        );
+        report.warn("views-without-photo", missing.len(), what);
+    }
+    Ok(())
+}
+
+/// Gives the views their masks: those of the folder of masks, if there is one, and those that the poses name. Returns
+/// the folder.
+pub(super) fn find_masks(
+    folder: &CaptureFolder,
+    source: &mut Source,
+    options: &LoadOptions,
+    report: &mut Report,
+) -> Result<Option<PhotoFolder>> {
+    let masks = match &options.masks {
+        Some(masks) => Some(folder.given(masks, "--masks")?),
+        None if folder.root.join("masks").is_dir() => Some(folder.photos("masks")),
+        None => None,
+    };
+    let mut named = None;
+    for view in &mut source.views {
+        if view.mask.is_some() {
+            named.clone_from(&view.mask);
+        }
+        // A mask that is named and not there is missing like one that is not in the folder.
+        view.mask = view.mask.take().filter(|mask| is_there(mask));
+    }
+    if let Some(masks) = &masks {
+        let found: Vec<Option<Match>> =
+            source.views.iter().map(|view| masks.find_mask(&view.name)).collect::<Result<_>>()?;
+        let (views, claims): (Vec<usize>, Vec<&Match>) =
+            found.iter().enumerate().filter_map(|(v, mask)| Some((v, mask.as_ref()?))).unzip();
+        let lost: BTreeSet<usize> = claims::losers(&claims).iter().map(|loser| views[loser.index]).collect();
+        for (v, mask) in found.into_iter().enumerate().filter(|(v, _)| !lost.contains(v)) {
+            let view = &mut source.views[v];
+            view.mask = mask.map(|mask| mask.path).or(view.mask.take());
+        }
+    }
+    let without: Vec<&str> =
+        source.views.iter().filter(|v| v.mask.is_none()).map(|v| v.name.as_str()).collect();
+    let place = match (&masks, &named) {
+        (Some(masks), _) => text::path(masks.path()),
+        (None, Some(named)) => format!("the files that the poses name, such as {}", text::path(named)),
+        (None, None) => return Ok(None),
+    };
+    if !without.is_empty() {
+        let what = format!(
+            "{} of {} views have no mask in {place}, so all their pixels count: {}",
+            without.len(),
+            source.views.len(),
+            first_names(without.iter().copied())
+        );
+        report.warn("views-without-mask", without.len(), what);
+    }
+    Ok(masks)
+}
+
+/// A capture whose files lie elsewhere cannot be moved or shared, and may be a mistake. Folders that the
+/// user named are no surprise.
+pub(super) fn warn_of_files_outside(
+    root: &Path,
+    source: &Source,
+    named: &[Option<PhotoFolder>],
+    report: &mut Report,
+) {
+    let known = |path: &Path| {
+        is_inside(root, path) || named.iter().flatten().any(|folder| is_inside(folder.path(), path))
+    };
+    let files = source.views.iter().flat_map(|v| [v.photo.as_deref(), v.mask.as_deref()]);
+    let files = files.chain([source.points_file.as_deref()]).flatten();
+    let outside: Vec<PathBuf> = files.filter(|p| !known(p)).map(Path::to_owned).collect();
+    if !outside.is_empty() {
+        let what = format!(
+            "{} files lie outside the capture's folder {}: {}; copy them into it before you move or share it",
+            outside.len(),
+            text::path(root),
+            first_paths(&outside)
+        );
+        report.warn("files-outside-the-capture", outside.len(), what);
+    }
+}

@@ -1,0 +1,120 @@
+//! The scale of a run, as it was measured: a small file in its folder that all exports heed.
+
+use crate::{Error, Result, atomic_file, input_file};
+use litetex_exporters::METRES;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// The file, in the folder of a run.
+pub(super) const SCALE_FILE: &str = "scale.json";
+const SCHEMA: &str = "litetex-scale/1";
+/// Largest file that is read.
+const SCALE_BYTES_MAX: u64 = 1 << 16;
+
+/// How long a unit of a capture is, and how that was measured.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Scale {
+    /// Always `"litetex-scale/1"`.
+    schema: String,
+    /// Metres of a unit of the capture.
+    pub metres_per_unit: f64,
+    /// The two points and their distance, as the user gave them.
+    pub from: String,
+    /// Where the points lie in the capture's frame, its units.
+    pub points_in_capture: [[f64; 3]; 2],
+    /// Their distance, metres.
+    pub metres: f64,
+}
+
+impl Scale {
+    /// The scale at which two points have this distance.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if the points coincide, or no scale is that small or large.
+    pub fn of(from: &str, points_in_capture: [[f64; 3]; 2], metres: f64) -> Result<Self> {
+        let [a, b] = points_in_capture.map(glam::DVec3::from);
+        let units = a.distance(b);
+        let metres_per_unit = metres / units;
+        if units == 0.0 || !metres_per_unit.is_normal() {
+            return Err(usage!(
+                "--scale-from {from:?}: the two points lie at the same place; choose two that are far from each other"
+            ));
+        }
+        Ok(Self {
+            schema: SCHEMA.to_owned(),
+            metres_per_unit,
+            from: from.to_owned(),
+            points_in_capture,
+            metres,
+        })
+    }
+
+    /// What files say of it.
+    pub fn words(&self) -> String {
+        format!("{METRES}: {} m between two points ({})", self.metres, self.from)
+    }
+
+    /// The scale that was measured for a run; `None` if none was.
+    ///
+    /// # Errors
+    /// [`Error::Io`], [`Error::InvalidInput`] naming the file.
+    pub fn read(run: &Path) -> Result<Option<Self>> {
+        let path = run.join(SCALE_FILE);
+        if !path.is_file() {
+            return Ok(None);
+        }
+        let text = input_file::read_text(&path, SCALE_BYTES_MAX)?;
+        let remedy = "measure again with export --scale-from, or delete the file";
+        let scale: Self = serde_json::from_str(&text).map_err(|e| invalid!(&path, "{e}; {remedy}"))?;
+        if scale.schema != SCHEMA {
+            return Err(invalid!(&path, "schema {:?}, expected {SCHEMA:?}; {remedy}", scale.schema));
+        }
+        if !(scale.metres_per_unit.is_normal() && scale.metres_per_unit > 0.0) {
+            let found = scale.metres_per_unit;
+            return Err(invalid!(&path, "metres_per_unit is {found}, expected a positive number; {remedy}"));
+        }
+        Ok(Some(scale))
+    }
+
+    /// Keeps it beside the run, in place of an earlier one.
+    ///
+    /// # Errors
+    /// [`Error::Io`], [`Error::Usage`] if the place of the file is taken.
+    pub fn store(&self, run: &Path) -> Result<()> {
+        let text =
+            serde_json::to_string_pretty(self).map_err(|e| usage!("the scale cannot be written: {e}"))?;
+        Ok(atomic_file::write(&run.join(SCALE_FILE), format!("{text}\n").as_bytes())?)
+    }
+
+    /// Forgets the scale of a run. Returns whether there was one.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn remove(run: &Path) -> Result<bool> {
+        let path = run.join(SCALE_FILE);
+        match std::fs::remove_file(&path) {
+            Ok(()) => Ok(true),
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(false),
+            Err(e) => Err(Error::io(&path, e)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scale_is_kept_and_forgotten() {
+        let folder = tempfile::tempdir().unwrap();
+        assert_eq!(Scale::read(folder.path()).unwrap(), None);
+        let scale = Scale::of("0,0,0 0,3,4 = 10m", [[0.0; 3], [0.0, 3.0, 4.0]], 10.0).unwrap();
+        assert_eq!(scale.metres_per_unit, 2.0);
+        scale.store(folder.path()).unwrap();
+        assert_eq!(Scale::read(folder.path()).unwrap(), Some(scale));
+        std::fs::write(folder.path().join(SCALE_FILE), "{}").unwrap();
+        assert_eq!(Scale::read(folder.path()).unwrap_err().exit_code(), 3);
+        assert!(Scale::remove(folder.path()).unwrap() && !Scale::remove(folder.path()).unwrap());
+        assert_eq!(Scale::of("x", [[1.0; 3]; 2], 1.0).unwrap_err().exit_code(), 2);
+    }
+}
