@@ -60,9 +60,13 @@ fn sample() -> Sample {
 impl Sample {
     /// The same capture as JSON of a name, turned; `pose` may replace poses.
     fn capture(&self, name: &str, turn: DMat3, pose: impl Fn(DMat4) -> DMat4) -> tempfile::TempDir {
+        self.placed(name, DMat4::from_mat3(turn), pose)
+    }
+
+    fn placed(&self, name: &str, place: DMat4, pose: impl Fn(DMat4) -> DMat4) -> tempfile::TempDir {
         let capture = tempfile::tempdir().unwrap();
         let frame = |(photo, world_from_camera): &(String, DMat4)| {
-            let matrix = DMat4::from_mat3(turn) * pose(*world_from_camera);
+            let matrix = place * pose(*world_from_camera);
             let rows: Vec<[f64; 4]> = (0..4).map(|i| matrix.row(i).to_array()).collect();
             let photo = self.folder.path().join("images").join(photo);
             object!({ "file_path": text(&photo), "transform_matrix": rows })
@@ -71,9 +75,9 @@ impl Sample {
         let frames: Vec<Value> = self.poses.iter().map(frame).collect();
         let all = object!({ "w": w, "h": h, "fl_x": fx, "fl_y": fy, "cx": cx, "cy": cy, "frames": frames,
             "ply_file_path": "points.ply" });
-        let header = "property float x\nproperty float y\nproperty float z\nend_header\n";
+        let header = "property double x\nproperty double y\nproperty double z\nend_header\n";
         let mut ply = format!("ply\nformat ascii 1.0\nelement vertex {}\n{header}", self.points.len());
-        for p in self.points.iter().map(|p| turn * *p) {
+        for p in self.points.iter().map(|p| place.transform_point3(*p)) {
             ply += &format!("{} {} {}\n", p.x, p.y, p.z);
         }
         std::fs::write(capture.path().join("points.ply"), ply).unwrap();
@@ -99,6 +103,50 @@ fn steepest(cameras: &[(f64, f64)]) -> f64 {
     cameras.iter().map(|(right, _)| right.abs().asin().to_degrees()).fold(0.0, f64::max)
 }
 
+/// Settings of a training whose result does not matter.
+const SHORT: [&str; 8] =
+    ["--steps", "3", "--max-resolution", "48", "--set", "save-images=none", "--device", "cpu"];
+
+/// What a command that succeeds says while it works.
+fn said(arguments: &[&str]) -> String {
+    let output = litetex(arguments);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{said}");
+    said
+}
+
+#[test]
+fn a_training_on_a_georeferenced_capture_says_how_to_export_it() {
+    let sample = sample();
+    let far = DMat4::from_translation(DVec3::new(512_345.0, 4_512_345.0, 100.0));
+    for (place, is_far) in [(far, true), (DMat4::IDENTITY, false)] {
+        let capture = sample.placed("transforms.json", place, |pose| pose);
+        let at = |name: &str| capture.path().join(name);
+        let (run, files) = (at("run"), ["a.glb", "a.ply", "a.spz"].map(at));
+        let output = litetex(
+            &[
+                &["train", text(capture.path()), "-o", text(&run)],
+                &SHORT[..],
+                &["--export", text(&files[0]), "--export", text(&files[1]), "--export", text(&files[2])],
+            ]
+            .concat(),
+        );
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.success(), !is_far, "{said}");
+        let command =
+            |file: &Path| format!("litetex export {} {} --origin auto --force", text(&run), text(file));
+        let advised = files.each_ref().map(|file| said.contains(&command(file)));
+        assert_eq!(advised, [false, is_far, is_far], "{said}");
+        if is_far {
+            for file in &files[1..] {
+                let command = command(file);
+                good(&command.split(' ').skip(1).collect::<Vec<_>>());
+                assert!(file.exists());
+            }
+        }
+    }
+}
+
 #[test]
 fn exports_stand_upright_whatever_is_up_in_the_capture() {
     let sample = sample();
@@ -109,9 +157,16 @@ fn exports_stand_upright_whatever_is_up_in_the_capture() {
         let capture = sample.capture("transforms.json", turn, |pose| pose);
         let at = |name: &str| -> PathBuf { capture.path().join(name) };
         let run = at("run");
-        let train =
-            ["--steps", "3", "--max-resolution", "48", "--set", "save-images=none", "--device", "cpu", "-q"];
-        good(&[&["train", text(capture.path()), "-o", text(&run)], &train[..]].concat());
+        let words = format!("{expected}12 of 12 photos are level to it");
+        let trained = said(
+            &[
+                &["train", text(capture.path()), "-o", text(&run)],
+                &SHORT[..],
+                &["--export", text(&at("t.glb"))],
+            ]
+            .concat(),
+        );
+        assert_eq!(trained.matches(&format!("up is {words}")).count(), 1, "{trained}");
         let files = ["a.glb", "a.usda", "a.ltgs", "a.ply", "a.spz"].map(at);
         let output = litetex(
             &[
@@ -120,9 +175,15 @@ fn exports_stand_upright_whatever_is_up_in_the_capture() {
             ]
             .concat(),
         );
-        let said = String::from_utf8_lossy(&output.stderr).into_owned();
-        let words = format!("{expected}12 of 12 photos are level to it");
-        assert!(output.status.success() && said.contains(&format!("up is {words}")), "{said}");
+        let exported = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{exported}");
+        assert_eq!(exported.matches(&format!("up is {words}")).count(), 1, "{exported}");
+        // An orbit has an axis; a view of the capture has none.
+        let render = |which: &[&str], out: &str| {
+            said(&[&["render", text(&run), "-o", text(&at(out)), "--device", "cpu"], which].concat())
+        };
+        assert!(render(&["--orbit", "2"], "orbit").contains(&format!("up is {words}")));
+        assert!(!render(&["--test"], "views").contains("up is"));
         let found = cameras(&files[0]);
         // The home camera and all 12: needed 1e-6 degrees.
         assert!(found.len() >= 12 && steepest(&found) < 1e-4, "{found:?}");

@@ -23,6 +23,7 @@ pub mod spz;
 mod text;
 pub mod usd;
 
+pub use asset::origin::ORIGIN_OPTION;
 pub use asset::overview::{Bounds, Overview};
 pub use asset::{
     AssetCamera, AssetMap, ColourSpace, Filter, MAP_SIDE_MAX, METRES, Provenance, SPLATS_MAX, SplatAsset,

@@ -26,17 +26,25 @@ const SNAP_DEGREES: f64 = 5.0;
 /// A format's own up that is further from that of the photos gets a warning, degrees.
 const APART_DEGREES: f64 = 20.0;
 
-/// Shortest mean of the photos' upward directions that says what is up.
+/// Shortest mean of the photos' upward directions that says what is up. Measured: flower, whose photos all face alike, 1.00;
+/// simulated, facing alike by hand 0.996, a camera that tilts over half a circle 0.64, over three quarters 0.30. Of 20 cameras
+/// held anyhow, 95 of 100 captures are below 0.30, of 60 below 0.21; strips photographed straight down, to and fro, 0.004.
 const MEAN_MIN: f64 = 0.3;
 
 /// Where all right axes are alike, cameras pan in portrait or tilt. That tilts cover at most half a circle leaves a mean of the
 /// upward directions of at least 2 / pi.
 const TILTED_MEAN_MIN: f64 = 0.6;
 
-/// Least mean that decides between up and down.
+/// Least mean that decides between up and down. Measured: lego 0.78, bonsai 0.82, fox 0.96, castle of Sceaux 0.99; simulated
+/// orbits that look 60 degrees down 0.50, 80 down 0.17, 80 up, from below, 0.18, 84 down 0.10, a quarter of the photos upside
+/// down 0.47. Where the other rules are to decide: photos straight down, held to within 6 degrees, 0.004; half upside down 0.
 const SIGN_MIN: f64 = 0.1;
 
-/// Sine of the mean pitch from which photos in portrait are taken to look down.
+/// Sine of the mean pitch from which photos in portrait are taken to look down. Photos that are taken standing do not reach it,
+/// so that buildings photographed from below stay upright; measured, up or down: flower 0.05, fox 0.09, castle of Sceaux 0.15.
+/// Photos of what lies below do: lego 0.53, bonsai 0.55. Of simulated photos in portrait, turned either way, 20 degrees down
+/// 0.35; of the two ways, that of EXIF 6 is taken where they look down by less. Photos in portrait alone that look up by more
+/// than 15 degrees come out upside down.
 const LOOKS_DOWN_MIN: f64 = 0.25;
 
 /// What tells which direction is up.

@@ -3,11 +3,11 @@
 use super::asset_args::{AssetArgs, CropBox};
 use super::outputs;
 use super::scale_from::{ScaleFrom, measure, parse_scale_from};
-use super::sources::{load_layers, open_photos, read_limits};
+use super::sources::{load_layers, open_photos, read_limits, say_up};
 use super::views_progress::{ViewsProgress, views_to_render};
 use litetex_exporters::spz::{ShBits, SpzOptions};
 use litetex_exporters::{
-    AssetCamera, Format, METRES, Quality, SplatAsset, UNKNOWN_SCALE, WriteOptions, Written,
+    AssetCamera, Format, METRES, ORIGIN_OPTION, Quality, SplatAsset, UNKNOWN_SCALE, WriteOptions, Written,
     num_sh_coefficients, read_asset, read_fallback, stage_asset,
 };
 use litetex_gs::camera::up::direction_text;
@@ -76,6 +76,11 @@ pub fn run(args: &ExportArgs, log: &Log) -> Result<Output> {
             format!("{words}\n"),
         ));
     }
+    if let Some(up) = args.asset.up.and_then(|up| up.in_capture) {
+        scene.asset.set_up(up);
+        scene.asset.provenance.up = format!("{}: requested with --up", direction_text(up));
+    }
+    say_up(&scene.asset, log);
     Ok(write_all((scene, trained.as_ref()), &out, &args.asset, &args.device, log)?.output())
 }
 
@@ -148,6 +153,20 @@ struct Verification<'a> {
     tests: Option<(ExpectedImages<'a>, &'a Capture)>,
 }
 
+impl Exports {
+    /// The files that another origin would help: their format cannot hold coordinates as far out as the scene's.
+    pub fn files_for_origin(&self, outputs: &[PathBuf]) -> Vec<PathBuf> {
+        let names = |text: &String| text.contains(ORIGIN_OPTION);
+        let noted = |file: &&Exported| file.written.notes.iter().any(names);
+        let mut files: Vec<PathBuf> = self.files.iter().filter(noted).map(|file| file.path.clone()).collect();
+        // The one that stopped the rest, and the rest.
+        if self.stopped.as_ref().is_some_and(|error| names(&error.to_string())) {
+            files.extend_from_slice(&outputs[self.files.len()..]);
+        }
+        files
+    }
+}
+
 /// Edits the scene, then writes and verifies each file and puts it in its place if it is right. With the training that it
 /// comes from, files are also compared with the photos of the test views.
 ///
@@ -215,13 +234,6 @@ fn edit(scene: &mut BakedScene, args: &AssetArgs, go_on: GoOn<'_>, log: &Log) ->
         };
         return Err(usage!("{}: {why}", scene.path.display()));
     }
-    if let Some(up) = args.up.and_then(|up| up.in_capture) {
-        asset.set_up(up);
-        asset.provenance.up = format!("{}: requested with --up", direction_text(up));
-    }
-    if !asset.provenance.up.is_empty() {
-        log.info(&format!("up is {}", asset.provenance.up));
-    }
     if let Some(factor) = args.scale {
         asset.set_scale(factor);
         asset.provenance.scale =
@@ -275,7 +287,8 @@ impl<'a> Job<'a> {
         if views.is_empty() {
             log.warn(
                 "not-verified",
-                "the scene has no cameras: the files cannot be verified by rendering",
+                "the files are not verified: the scene has no cameras to render it from; \"litetex verify\" with the photos' \
+                 --capture renders the views of a capture",
                 1,
             );
             return Ok(None);

@@ -1,7 +1,7 @@
 //! `litetex render`: images of a scene from a named view, the test views or an orbit.
 
 use super::colour_by::{ColourBy, Coloured};
-use super::sources::{load_layers, open_photos};
+use super::sources::{load_layers, open_photos, say_up};
 use glam::DVec3;
 use litetex_exporters::{SplatAsset, Transform};
 use litetex_gs::backend::RenderedImage;
@@ -123,6 +123,9 @@ pub fn run(args: &RenderArgs, log: &Log) -> Result<Output> {
         }
         None => Box::new(AssetViews(scene.asset.cameras.clone())),
     };
+    if args.orbit.is_some() {
+        say_up(&scene.asset, log);
+    }
     let up = DVec3::from_array(scene.asset.up_in_local());
     let jobs = jobs(args, views.as_ref(), up)?;
     let legend = args.colour_by.and_then(|by| by.legend_path(&args.out));

@@ -1,6 +1,6 @@
 //! Loads the scene that a user names: a run, a checkpoint or an asset. Rendering, exporting and verifying start here.
 
-use litetex_exporters::{Format, ReadLimits, unknown_kind};
+use litetex_exporters::{Format, ReadLimits, SplatAsset, unknown_kind};
 use litetex_gs::backend::Backend;
 use litetex_gs::capture::{Capture, LoadOptions};
 use litetex_gs::console::Log;
@@ -105,6 +105,13 @@ fn check_layers(path: &Path, wanted: u32, found: usize) -> Result<()> {
         return Ok(());
     }
     Err(usage!("--layers {wanted}: {} {what}", path.display()))
+}
+
+/// Says which direction of the capture is up and why, if the scene knows.
+pub fn say_up(asset: &SplatAsset, log: &Log) {
+    if !asset.provenance.up.is_empty() {
+        log.info(&format!("up is {}", asset.provenance.up));
+    }
 }
 
 /// How much memory an asset may take: the library's default, or half of this machine's if that is more.

@@ -10,6 +10,7 @@ use super::train_job::TrainJob;
 use super::train_job::{self, Finished};
 use super::train_summary;
 use super::{batch, export, orphan, outputs};
+use litetex_exporters::ORIGIN_OPTION;
 use litetex_gs::backend::Backend;
 use litetex_gs::capture::Capture;
 use litetex_gs::console::{Interrupt, Log, Output, device};
@@ -55,8 +56,17 @@ pub fn run(mut args: TrainArgs, nth: Option<usize>, log: &Log) -> Result<Output>
     let mut output = train_summary::output(&summary);
     if !exports.is_empty() {
         let (scene, trained) = load_scene(&run, log)?;
-        let exports = export::write_all((scene, trained.as_ref()), &exports, &asset, &args.device, log)?;
-        output = output.with("exports", exports.output());
+        let written = export::write_all((scene, trained.as_ref()), &exports, &asset, &args.device, log)?;
+        for file in written.files_for_origin(&exports) {
+            let what = format!(
+                "{}: train has no --origin; write it with: litetex export {} {} {ORIGIN_OPTION} --force",
+                file.display(),
+                run.display(),
+                file.display()
+            );
+            log.warn("needs-origin", &what, 1);
+        }
+        output = output.with("exports", written.output());
     }
     let Some(live) = live else { return Ok(output) };
     // The page stays until the user closes it.
@@ -101,6 +111,7 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<FinishedRun> {
     let mut capture = Capture::load(job.config.data()?, &job.config.capture)?;
     log.report(&capture.report);
     log.info(&capture.held_out());
+    log.info(&format!("up is {}", capture.up.words()));
     let mut report = std::mem::take(&mut capture.report);
     let mut capture = Arc::new(capture);
     let resumed = job.resume.as_ref().map(|resume| resume.summary());

@@ -4,6 +4,9 @@
 use crate::math::quaternion;
 use crate::{SplatAsset, Transform};
 
+/// How users of the command line move the origin of files to the scene.
+pub const ORIGIN_OPTION: &str = "--origin auto";
+
 impl SplatAsset {
     /// Chooses which point of the capture lies at the origin of files of all formats.
     pub fn set_origin(&mut self, in_capture: [f64; 3]) {

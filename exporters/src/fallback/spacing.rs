@@ -2,6 +2,7 @@
 //! georeferenced captures, f32 is not.
 
 use super::baked::Baked;
+use crate::ORIGIN_OPTION;
 
 /// Spacing of coordinates, in standard deviations of the median splat, above which a file deserves a warning. Measured on five
 /// trained scenes, moved away from the origin step by step: PLY falls below 60 dB, its limit, at 0.02 to 0.07, and loses 0.02 dB
@@ -56,9 +57,11 @@ impl Spacing {
     pub(crate) fn note(&self, numbers: &str) -> Option<String> {
         let Self { in_sigmas, largest, spread } = *self;
         let remedy = if is_elsewhere(largest, spread) {
-            "--origin auto of litetex export moves the origin of the file to the scene, which readers of this program undo"
+            format!(
+                "{ORIGIN_OPTION} of litetex export moves the origin of the file to the scene, which readers of this program undo"
+            )
         } else {
-            "leave out what lies far away with --crop"
+            "leave out what lies far away with --crop".to_owned()
         };
         (in_sigmas > COARSE).then(|| {
             format!(

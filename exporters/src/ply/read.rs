@@ -45,8 +45,8 @@ pub fn read_ply(path: &Path, limits: &ReadLimits) -> Result<PlyContents> {
 /// Decodes the bytes of a file; `path` is only for messages. Broken splats of other programs are left out.
 ///
 /// # Errors
-/// [`crate::Error::Invalid`] if the file is damaged or no file of splats, or more than a tenth of its splats are broken, [`crate::Error::Unsupported`] for
-/// big-endian files, lists and SH degrees above 4, [`crate::Error::TooLarge`].
+/// [`crate::Error::Invalid`] if the file is damaged or no file of splats, or more than a tenth of its splats are broken,
+/// [`crate::Error::Unsupported`] for big-endian files, lists and SH degrees above 4, [`crate::Error::TooLarge`].
 pub fn decode_ply(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<PlyContents> {
     let rows = Rows::open(bytes, path)?;
     let columns = Columns::find(rows.vertex(), path)?;

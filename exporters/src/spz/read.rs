@@ -25,10 +25,10 @@ pub fn read_spz(path: &Path, limits: &ReadLimits) -> Result<Contents> {
     decode_spz(&read_file(path, limits.decoded_bytes)?, path, limits)
 }
 
-/// Decodes the bytes of a file; `path` is only for messages. The asset is in the file's frame turned to y down, broken splats of
-/// other programs left out. In our own
-/// files that is the capture's frame, and near plane, filter, background, texts of the provenance and, if the file has them,
-/// cameras are those of the original asset, near plane and cameras converted to that frame.
+/// Decodes the bytes of a file; `path` is only for messages. The asset is in the file's frame turned to y down, broken splats
+/// of other programs left out. In our own files that is the capture's frame, and near plane, filter, background, texts of the
+/// provenance and, if the file has them, cameras are those of the original asset, near plane and cameras converted to that
+/// frame.
 ///
 /// # Errors
 /// [`Error::Invalid`] if the file is damaged or not an SPZ file, [`Error::Unsupported`] for newer versions,

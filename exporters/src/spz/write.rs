@@ -6,7 +6,7 @@ use crate::fallback::baked::{Baked, Baker};
 use crate::fallback::spacing::{Spacing, Spacings};
 use crate::math::sh::Turn;
 use crate::math::yup;
-use crate::{Filter, Result, SplatAsset};
+use crate::{Filter, ORIGIN_OPTION, Result, SplatAsset};
 
 /// Fractional bits of positions that other programs accept.
 const FRACTIONAL_BITS: std::ops::RangeInclusive<u32> = 4..=23;
@@ -38,8 +38,12 @@ pub fn encode_spz(asset: &SplatAsset, options: &SpzOptions) -> Result<(Vec<u8>, 
     let extent = (0..n).flat_map(|i| baker.position(i)).fold(0.0_f64, |a, v| a.max(v.abs()));
     let fits = |bits: &u32| extent * f64::from(1_u32 << bits) <= FIXED_MAX;
     let fractional_bits = FRACTIONAL_BITS.rev().find(fits).ok_or_else(|| {
-        let remedy = "move the origin of the file to the scene with --origin auto of litetex export; if that does not help, use larger units (--scale) or leave out what lies far away (--crop)";
-        invalid!("", "SPZ holds coordinates up to 524,287 units; these reach {extent:.3e}: {remedy}")
+        invalid!(
+            "",
+            "SPZ holds coordinates up to 524,287 units; these reach {extent:.3e}: move the origin of the file to the scene with \
+             {ORIGIN_OPTION} of litetex export; if that does not help, use larger units (--scale) or leave out what lies far \
+             away (--crop)"
+        )
     })?;
     let (step, mut spacings) = (1.0 / f64::from(1_u32 << fractional_bits), Spacings::default());
     let mut streams: [Vec<u8>; super::NUM_STREAMS] = Default::default();

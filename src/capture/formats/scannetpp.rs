@@ -1,9 +1,8 @@
-//! Scenes of ScanNet++. The DSLR has a `transforms.json` in `dslr/nerfstudio`, whose photos lie in `dslr/resized_images`
-//! and whose masks in `dslr/resized_anon_masks` (as nerfstudio's reader of the data set looks for them). It is read as any
-//! other.
+//! Captures of ScanNet++. The DSLR has a `transforms.json` in `dslr/nerfstudio`, whose photos lie in `dslr/resized_images`
+//! and whose masks in `dslr/resized_anon_masks` (as nerfstudio's reader of ScanNet++ looks for them). It is read as any other.
 //!
-//! The iPhone has `iphone/pose_intrinsic_imu.json` beside the photos that the toolbox of the data set extracts,
-//! `iphone/rgb/frame_000000.jpg`. As the toolbox of the data set reads it (`iphone/arkit_pcl.py` of scannetpp/scannetpp): `aligned_pose` is
+//! The iPhone has `iphone/pose_intrinsic_imu.json` beside the photos that the toolbox of ScanNet++ extracts,
+//! `iphone/rgb/frame_000000.jpg`. As the toolbox reads it (`iphone/arkit_pcl.py` of scannetpp/scannetpp): `aligned_pose` is
 //! `capture_from_camera`, 4 x 4 by rows, in metres, of a camera with x to the right, y down and z forward; `intrinsic` is
 //! 3 x 3 by rows, in pixels of the photos. `pose`, before alignment with the scan, is not used. No direction is stated as
 //! up.
@@ -30,7 +29,7 @@ use std::path::Path;
 /// See [`PoseFormat`].
 pub(crate) const FORMAT: PoseFormat = PoseFormat {
     name: "scannetpp",
-    help: "scenes of ScanNet++, of the DSLR or the iPhone",
+    help: "captures of ScanNet++, of the DSLR or the iPhone",
     files: "ScanNet++'s folders dslr or iphone",
     has_observations: false,
     find,

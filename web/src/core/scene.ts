@@ -49,11 +49,14 @@ export interface SceneCamera {
   readonly heldOut: boolean;
 }
 
+/** Texts; empty if not known. */
 export interface Provenance {
   readonly title: string;
   readonly author: string;
   readonly licence: string;
   readonly source: string;
+  /** The direction of the capture that is up in the file, and why. */
+  readonly up: string;
   readonly programVersion: string;
   readonly training: Readonly<Record<string, string>>;
 }

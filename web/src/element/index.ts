@@ -14,38 +14,22 @@
  * | `background` | `#rrggbb`, `transparent`, or `scene` (default): that of the file |
  * | `colours` | `trained` (default), `untextured`, `texels`, `degree`, `depth` |
  * | `max-splats` | shows at most this many, those that contribute most |
- * | `loading` | `eager` (default) or `lazy`: once it comes into sight |
+ * | `loading` | `eager` (default) or `lazy`: once it is visible |
  *
  * Events: `load`; `progress` (a ProgressEvent: `loaded` and `total` bytes); `error` (an ErrorEvent: `message`, `error`); `camera-change`.
  * Slots: `poster`, shown until there is an image; the default slot lies over the scene.
  *
- * Elements share six WebGL contexts. Those that have none show their last image, and get one when they come into sight or are used:
- * from others out of sight, else from the one used longest ago.
+ * Elements share six WebGL contexts. Those that have none show their last image, and get one when they become visible or are used:
+ * from others that are not visible, else from the one used longest ago.
  */
 
-import { COLOURS, type Colours } from '../core/render/colours';
 import type { SplatRenderer } from '../core/render/renderer';
 import type { SceneInfo } from '../core/scene';
 import { type Source, stored } from '../core/worker/messages';
 import { type FrameFigures, Viewer } from '../viewer/viewer';
+import { ATTRIBUTES, backgroundOf, coloursOf, maxSplatsOf, rotationOf } from './attributes';
 import { join, leave, settle, use } from './contexts';
-
-const STYLE = `
-:host { display: block; position: relative; min-height: 8em; contain: content; }
-:host([hidden]) { display: none; }
-canvas { display: block; width: 100%; height: 100%; position: absolute; inset: 0; outline-offset: -2px; object-fit: contain; }
-.still { pointer-events: none; }
-.still[hidden] { display: none; }
-:has(+ .still:not([hidden])) { opacity: 0; }
-progress { position: absolute; inset: auto 0 0 0; width: 100%; height: 3px; appearance: none; border: 0; background: transparent; }
-progress::-webkit-progress-bar { background: transparent; }
-progress::-webkit-progress-value, progress::-moz-progress-bar { background: currentColor; }
-progress[hidden] { display: none; }
-[part=error] { position: absolute; inset: 0; display: grid; place-items: center; padding: 1em; text-align: center; }
-[part=error]:empty, slot[hidden] { display: none; }
-`;
-
-const ATTRIBUTES = ['src', 'alt', 'camera-controls', 'controls-mode', 'disable-zoom', 'auto-rotate', 'rotation-per-second', 'view', 'background', 'colours', 'max-splats', 'loading'];
+import { Parts } from './parts';
 
 /** Servers that render pages have no HTMLElement; they may import this all the same. */
 const Base: typeof HTMLElement = globalThis.HTMLElement ?? (class {} as unknown as typeof HTMLElement);
@@ -56,13 +40,9 @@ const reducedMotion = globalThis.matchMedia?.('(prefers-reduced-motion: reduce)'
 export class LitetexViewerElement extends Base {
     static readonly observedAttributes = ATTRIBUTES;
     private viewer: Viewer | null = null;
-    private readonly canvas = document.createElement('canvas');
-    /** The last image, while there is no context. */
-    private readonly still = document.createElement('canvas');
-    private readonly bar = document.createElement('progress');
-    private readonly failure = document.createElement('div');
-    private readonly poster = document.createElement('slot');
-    private readonly sight = new IntersectionObserver((entries) => this.seen(entries[entries.length - 1].isIntersecting));
+    private readonly parts: Parts;
+    private readonly visibility = new IntersectionObserver((entries) => this.seen(entries[entries.length - 1].isIntersecting));
+    private readonly size = new ResizeObserver(() => this.sized());
     /** What is to be shown, whether it has arrived as a whole, and whether it cannot be shown. */
     private source: Source | null = null;
     private hasLoaded = false;
@@ -70,7 +50,9 @@ export class LitetexViewerElement extends Base {
     /** An image of the whole scene is there, drawn or still; it is that of now. */
     private hasImage = false;
     private isCurrent = false;
-    private isInSight = false;
+    /** It lies in the window; it has an area there, without which nothing is drawn. */
+    private isInWindow = false;
+    private hasArea = false;
     private isWanted = false;
     /** Someone has taken hold of the scene, which then turns no longer by itself. */
     private isHeld = false;
@@ -80,40 +62,30 @@ export class LitetexViewerElement extends Base {
 
     constructor() {
         super();
-        const root = this.attachShadow({ mode: 'open' });
-        const sheet = new CSSStyleSheet(); // allowed by any Content-Security-Policy, unlike <style>
-        sheet.replaceSync(STYLE);
-        root.adoptedStyleSheets = [sheet];
-        this.poster.name = 'poster';
-        this.bar.hidden = true;
-        this.bar.part.add('progress');
-        this.failure.part.add('error');
-        this.failure.setAttribute('role', 'alert');
-        for (const canvas of [this.canvas, this.still]) canvas.part.add('canvas');
-        this.still.className = 'still';
-        this.still.hidden = true;
-        root.append(this.canvas, this.still, this.poster, this.bar, this.failure, document.createElement('slot'));
+        this.parts = new Parts(this);
     }
 
     connectedCallback(): void {
-        this.canvas.setAttribute('role', 'img');
+        this.parts.canvas.setAttribute('role', 'img');
         this.isWanted ||= this.getAttribute('loading') !== 'lazy';
         this.hasMoved = this.hasLoaded;
-        this.sight.observe(this);
+        this.visibility.observe(this);
+        this.size.observe(this);
         reducedMotion?.addEventListener('change', this.turn);
         join(this.share);
     }
 
     disconnectedCallback(): void {
-        this.sight.disconnect();
+        this.visibility.disconnect();
+        this.size.disconnect();
         reducedMotion?.removeEventListener('change', this.turn);
-        this.isInSight = false;
+        this.isInWindow = this.hasArea = false;
         leave(this.share);
     }
 
     attributeChangedCallback(name: string, before: string | null, now: string | null): void {
         if (name === 'auto-rotate') this.isHeld = false;
-        if (name === 'src' && before !== now) this.load(now ? { url: now } : null);
+        if (name === 'src' && (before !== now || this.hasFailed)) this.load(now ? { url: now } : null);
         if (name === 'max-splats' && before !== now && this.source) this.load(this.source);
         if (name === 'loading') this.isWanted ||= this.isConnected && now !== 'lazy';
         if (name === 'colours' || name === 'background') this.isCurrent = false;
@@ -156,10 +128,7 @@ export class LitetexViewerElement extends Base {
     /** A PNG image of what is shown. */
     async toBlob(): Promise<Blob> {
         if (!this.viewer) throw new Error('nothing is shown yet');
-        if (this.still.hidden) return this.viewer.screenshot();
-        const blob = await new Promise<Blob | null>((resolve) => this.still.toBlob(resolve));
-        if (!blob) throw new Error('the browser makes no image');
-        return blob;
+        return this.parts.still.hidden ? this.viewer.screenshot() : this.parts.stillBlob();
     }
 
     /** Shows the bytes of a file instead of `src`. They are copied. */
@@ -168,35 +137,54 @@ export class LitetexViewerElement extends Base {
         this.load(stored({ bytes }));
     }
 
-    /** How much it wants a context: most to show what is visible and was never shown, less to move what is still, least to load what is out of sight. */
+    /** How much it wants a context: most to show what is visible and was never shown, less to move what is still, least to load what is not visible. */
     private wish(): number {
         if (!this.source || this.hasFailed || !this.isWanted) return 0;
         const isDue = !this.hasImage || !this.isCurrent || this.hasMoved;
-        if (this.isInSight) return isDue ? 3 : 2;
-        return isDue ? 1 : 0;
+        if (this.isVisible) return isDue ? 3 : 2;
+        return isDue && !this.isReadUnseen ? 1 : 0;
     }
 
     /** How much it needs the context that it has. */
     private hold(): number {
-        const isDone = !this.source || this.hasFailed || (this.hasImage && this.still.hidden);
-        if (!this.isInSight) return isDone ? 0 : 1;
+        const isDone = !this.source || this.hasFailed || (this.hasImage && this.parts.still.hidden) || this.isReadUnseen;
+        if (!this.isVisible) return isDone ? 0 : 1;
         if (!isDone || this.viewer?.controls.active) return 3;
         return this.viewer?.autoRotate ? 2.5 : 2;
+    }
+
+    private get isVisible(): boolean {
+        return this.isInWindow && this.hasArea;
+    }
+
+    /** There is nothing more to do until it has an area to draw on. */
+    private get isReadUnseen(): boolean {
+        return this.hasLoaded && !this.hasArea;
     }
 
     private load(source: Source | null): void {
         this.source = source;
         this.hasLoaded = this.hasImage = this.hasFailed = this.hasMoved = false;
-        this.failure.textContent = '';
-        this.poster.hidden = false;
+        this.parts.clear();
+        if (!source) {
+            this.parts.still.hidden = true;
+            this.viewer?.clear();
+        }
         if (this.viewer) this.open();
+        else if (this.isConnected) this.retry();
         settle();
+    }
+
+    /** Where no context could be had, one may be there now. */
+    private retry(): void {
+        leave(this.share);
+        join(this.share);
     }
 
     private open(): void {
         if (!this.source) return;
         try {
-            this.viewer!.maxSplats = this.maxSplats;
+            this.viewer!.maxSplats = maxSplatsOf(this);
             this.viewer!.open(this.source);
         } catch (error) {
             this.failed(error as Error); // not an address
@@ -207,7 +195,7 @@ export class LitetexViewerElement extends Base {
     private take(): void {
         if (this.viewer) return this.viewer.wake();
         try {
-            this.viewer = new Viewer(this.canvas, {
+            this.viewer = new Viewer(this.parts.canvas, {
                 info: () => this.begun(),
                 progress: (bytes) => this.progressed(bytes),
                 load: () => this.loaded(),
@@ -216,13 +204,13 @@ export class LitetexViewerElement extends Base {
                 held: () => this.held(),
                 drawn: (frame) => this.drawn(frame),
                 lost: () => this.lost(),
-                restored: () => { this.failure.textContent = ''; },
+                restored: () => this.restored(),
             }, this);
         } catch (error) {
             return this.failed(error as Error);
         }
-        this.canvas.addEventListener('pointerdown', () => this.held());
-        this.canvas.addEventListener('focus', () => this.use());
+        this.parts.canvas.addEventListener('pointerdown', () => this.held());
+        this.parts.canvas.addEventListener('focus', () => this.use());
         this.update();
         this.open();
     }
@@ -230,19 +218,29 @@ export class LitetexViewerElement extends Base {
     /** The browser has taken it away, and restores it when it likes. */
     private lost(): void {
         this.hasImage = false;
-        this.failure.textContent = 'The graphics driver has stopped, or the rest of the page draws too much.';
+        if (!this.hasFailed) this.parts.failure.textContent = 'The graphics driver has stopped, or the rest of the page draws too much.';
+    }
+
+    private restored(): void {
+        if (!this.hasFailed) this.parts.failure.textContent = '';
     }
 
     /** Gives it up, and goes on showing the last image. */
     private give(): void {
-        if (!this.viewer?.rest(this.still)) return;
-        this.still.hidden = false;
+        if (!this.viewer?.rest(this.parts.still)) return;
+        this.parts.still.hidden = false;
         this.isCurrent = true;
     }
 
-    private seen(isInSight: boolean): void {
-        this.isInSight = isInSight;
-        this.isWanted ||= isInSight;
+    private seen(isInWindow: boolean): void {
+        this.isInWindow = isInWindow;
+        this.isWanted ||= isInWindow;
+        this.turn();
+        settle();
+    }
+
+    private sized(): void {
+        this.hasArea = this.clientWidth > 0 && this.clientHeight > 0;
         this.turn();
         settle();
     }
@@ -263,16 +261,10 @@ export class LitetexViewerElement extends Base {
     private readonly turn = (): void => {
         const { viewer } = this;
         if (!viewer) return;
-        const degrees = Number(this.getAttribute('rotation-per-second') ?? 12);
-        const turns = this.hasAttribute('auto-rotate') && !this.isHeld && this.isInSight && !reducedMotion?.matches;
-        viewer.autoRotate = turns ? degrees * Math.PI / 180 : 0;
+        const turns = this.hasAttribute('auto-rotate') && !this.isHeld && this.isVisible && !reducedMotion?.matches;
+        viewer.autoRotate = turns ? rotationOf(this) : 0;
         viewer.invalidate();
     };
-
-    private get maxSplats(): number {
-        const most = Math.floor(Number(this.getAttribute('max-splats')));
-        return most >= 1 ? most : Infinity;
-    }
 
     private update(): void {
         const viewer = this.viewer!;
@@ -280,32 +272,32 @@ export class LitetexViewerElement extends Base {
         viewer.controls.enabled = controls;
         viewer.controls.zoom = !this.hasAttribute('disable-zoom');
         viewer.controls.mode = this.getAttribute('controls-mode') === 'fly' ? 'fly' : 'orbit';
-        this.canvas.tabIndex = controls ? 0 : -1;
-        this.canvas.style.touchAction = controls ? 'none' : 'auto';
-        this.canvas.setAttribute('aria-label', this.getAttribute('alt') ?? 'A scene of splats');
-        const colours = this.getAttribute('colours') ?? 'trained';
-        viewer.colours = colours in COLOURS ? colours as Colours : 'trained';
-        viewer.background = backgroundOf(this.getAttribute('background') ?? 'scene');
+        this.parts.canvas.tabIndex = controls ? 0 : -1;
+        this.parts.canvas.style.touchAction = controls ? 'none' : 'auto';
+        this.parts.canvas.setAttribute('aria-label', this.getAttribute('alt') ?? 'A scene of splats');
+        viewer.colours = coloursOf(this);
+        viewer.background = backgroundOf(this);
         this.turn();
     }
 
     private begun(): void {
-        this.still.hidden = true; // that of another scene
+        this.parts.still.hidden = true; // that of another scene
         const name = this.getAttribute('view');
         if (name && this.viewer!.pose) this.goTo(name);
     }
 
     private loaded(): void {
         this.hasLoaded = true;
-        this.bar.hidden = true;
+        this.parts.bar.hidden = true;
+        settle();
         this.dispatchEvent(new Event('load'));
     }
 
     private drawn({ complete }: FrameFigures): void {
         if (!complete) return;
         this.isCurrent = true;
-        if (this.hasImage && this.still.hidden && !this.hasMoved) return;
-        this.still.hidden = this.hasImage = true;
+        if (this.hasImage && this.parts.still.hidden && !this.hasMoved) return;
+        this.parts.still.hidden = this.hasImage = true;
         if (this.hasMoved) this.dispatchEvent(new Event('load'));
         this.hasMoved = false;
         settle();
@@ -313,27 +305,17 @@ export class LitetexViewerElement extends Base {
 
     private progressed(bytes: number): void {
         const totalBytes = this.info!.fileBytes;
-        this.poster.hidden = true;
-        this.bar.hidden = false;
-        this.bar.max = totalBytes;
-        this.bar.value = bytes;
+        this.parts.showProgress(bytes, totalBytes);
         this.dispatchEvent(new ProgressEvent('progress', { lengthComputable: true, loaded: bytes, total: totalBytes }));
     }
 
     private failed(error: Error): void {
-        this.bar.hidden = true;
+        this.parts.bar.hidden = true;
         this.hasFailed = true;
-        this.failure.textContent = error.message;
+        this.parts.failure.textContent = error.message;
         settle();
         this.dispatchEvent(new ErrorEvent('error', { message: error.message, error }));
     }
-}
-
-/** Undefined: that of the scene. */
-function backgroundOf(text: string): readonly [number, number, number] | null | undefined {
-    if (text === 'transparent') return null;
-    const digits = /^#([0-9a-f]{6})$/i.exec(text)?.[1];
-    return digits ? [0, 2, 4].map((at) => parseInt(digits.slice(at, at + 2), 16) / 255) as [number, number, number] : undefined;
 }
 
 if (globalThis.customElements && !customElements.get('litetex-viewer')) customElements.define('litetex-viewer', LitetexViewerElement);

@@ -82,7 +82,7 @@ export class Cameras {
         if (exact !== this.exact) this.update();
     }
 
-    /** Brings the current camera of the list into sight. */
+    /** Scrolls to the current camera of the list. */
     reveal(): void {
         this.buttons[this.cameras.indexOf(this.current!)]?.scrollIntoView({ block: 'nearest' });
     }

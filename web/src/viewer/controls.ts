@@ -51,6 +51,12 @@ export class Controls {
         this.stop.abort();
     }
 
+    /** Of an element that leaves the document nobody tells when keys and pointers are released. */
+    letGo(): void {
+        this.pressed.clear();
+        this.pointers.clear();
+    }
+
     /** Whether keys or pointers are held. */
     get active(): boolean {
         return this.pressed.size > 0 || this.pointers.size > 0;
@@ -80,6 +86,7 @@ export class Controls {
     private drag(event: PointerEvent): void {
         const [pose, last] = [this.pose(), this.pointers.get(event.pointerId)];
         if (!pose || !last || !this.enabled) return;
+        if (!event.buttons) return void this.pointers.delete(event.pointerId); // let go where nobody was told
         const [dx, dy] = [event.clientX - last.x, event.clientY - last.y];
         const others = [...this.pointers].filter(([id]) => id !== event.pointerId).map(([, place]) => place);
         if (others.length > 0) {

@@ -8,6 +8,7 @@ import { startReading, startWorker } from '../core/worker/start';
 import { errorOf, type FromWorker, type KeptFile, type Source, stored, type StoredSource } from '../core/worker/messages';
 import { sceneBounds, type Sphere } from './bounds';
 import { Controls } from './controls';
+import { Pace } from './pace';
 import { homePose, type Pose } from './pose';
 
 export interface ViewerEvents {
@@ -56,12 +57,6 @@ interface Reading {
     readonly again: boolean;
 }
 
-/** While the camera moves, images that take longer are drawn smaller. */
-const MOVING_MS = 50;
-const LEAST_RATIO = 0.25;
-/** How long the camera rests before the image is sharp again. */
-const REST_MS = 150;
-
 export class Viewer {
     readonly renderer: SplatRenderer;
     readonly controls: Controls;
@@ -86,6 +81,8 @@ export class Viewer {
     /** Counts scenes; the same one after the loss of the context is another. */
     private scene = 0;
     private completeDrawn = false;
+    /** The whole file is there, but there was no view to sort it for. */
+    private isUnsorted = false;
     /** Neither reads nor draws; the context is given up. */
     private isResting = false;
     /** What has been read of a file that is shown only as a whole. */
@@ -95,16 +92,10 @@ export class Viewer {
     private generation = 0;
     private dirty = true;
     private frame = 0;
-    private fence: WebGLSync | null = null;
-    private fenceStart = 0;
     private fenceComplete = false;
+    private readonly pace: Pace;
     private lastTick = 0;
-    private lastMove = -Infinity;
-    /** Size of the next image while moving, and of the last one, compared with the canvas. */
-    private ratio = 1;
-    private drawnRatio = 1;
     private readonly resize: ResizeObserver;
-    private readonly gone = new AbortController();
 
     /** `keys`: what keys are taken from, see Controls. */
     constructor(readonly canvas: HTMLCanvasElement, private readonly events: ViewerEvents, keys: EventTarget) {
@@ -113,6 +104,7 @@ export class Viewer {
             get maxSplats() { return viewer.maxSplats; },
             onOrder: () => this.invalidate(), onLost: () => this.lost(), onRestored: () => this.restored(),
         });
+        this.pace = new Pace(this.renderer.gl);
         this.controls = new Controls(canvas, () => this.pose, () => {
             this.events.held?.();
             this.moved();
@@ -136,6 +128,15 @@ export class Viewer {
         this.held = [];
     }
 
+    /** Stops reading, and shows nothing. */
+    clear(): void {
+        this.close();
+        this.scene++;
+        this.info = this.pose = this.bounds = this.kept = null;
+        this.replacing = this.complete = this.completeDrawn = this.isUnsorted = false;
+        this.canvas.width = 1; // empties it
+    }
+
     /**
      * Gives the context up, of which browsers allow few on a page, until `wake`. Returns whether the image, which the canvas
      * shows no longer, has been drawn onto `still`: it is unless it was not complete.
@@ -143,6 +144,7 @@ export class Viewer {
     rest(still: HTMLCanvasElement): boolean {
         const { canvas, pose } = this;
         this.isResting = true;
+        this.controls.letGo();
         const isDrawn = Boolean(this.completeDrawn && pose && !this.renderer.lost);
         if (isDrawn) {
             this.paint(pose!.view(canvas.width, canvas.height));
@@ -184,19 +186,19 @@ export class Viewer {
 
     /** What the canvas shows now, as a PNG image of its full size. */
     async screenshot(): Promise<Blob> {
-        if (this.renderer.lost) throw new Error('the graphics driver has stopped');
+        if (this.renderer.lost) throw new Error(this.isResting ? 'nothing is shown yet' : 'the graphics driver has stopped');
         const wanted = this.sizedView(1);
         if (wanted) await this.renderer.sorted(wanted);
         // Meanwhile a smaller image may have been drawn, as while moving.
         const view = this.sizedView(1);
-        if (view) this.paint(view);
+        if (!view) throw new Error('nothing is shown yet');
+        this.paint(view);
         return new Promise((resolve, reject) => {
             this.canvas.toBlob((blob) => (blob ? resolve(blob) : reject(new Error('the browser makes no image'))), 'image/png');
         });
     }
 
     dispose(): void {
-        this.gone.abort();
         this.close();
         cancelAnimationFrame(this.frame);
         this.resize.disconnect();
@@ -216,10 +218,11 @@ export class Viewer {
     private lost(): void {
         this.generation++;
         this.worker?.terminate();
-        this.worker = this.fence = null;
+        this.worker = null;
+        this.pace.drop();
         this.held = [];
         this.scene++;
-        this.replacing = this.complete = this.completeDrawn = false;
+        this.replacing = this.complete = this.completeDrawn = this.isUnsorted = false;
         if (this.info) this.boundsOfScene(); // as long as the centres are there
         if (!this.isResting) this.events.lost?.();
     }
@@ -252,7 +255,7 @@ export class Viewer {
                 this.scene++;
                 this.bounds = null;
                 this.replacing = reading.whole;
-                this.complete = this.completeDrawn = false;
+                this.complete = this.completeDrawn = this.isUnsorted = false;
                 this.kept = again ? this.kept : null;
                 this.renderer.start(message.info);
                 if (!keepPose || !this.pose) this.pose = message.info.cameras.length ? homePose(message.info, { centre: [0, 0, 0], radius: 1 }) : null;
@@ -282,8 +285,14 @@ export class Viewer {
     /** Waits for the order of all splats: then images are complete. */
     private async complement(): Promise<void> {
         const { scene } = this;
-        const view = this.sizedView(this.drawnRatio);
-        if (view) await this.renderer.sorted(view);
+        const view = this.sizedView(this.pace.drawnRatio);
+        if (!view) {
+            // Nothing can be sorted for a canvas without an area: as soon as it has one.
+            this.replacing = false;
+            this.isUnsorted = true;
+            return;
+        }
+        await this.renderer.sorted(view);
         if (scene !== this.scene) return;
         this.complete = true;
         this.replacing = false;
@@ -291,7 +300,7 @@ export class Viewer {
     }
 
     private moved(): void {
-        this.lastMove = performance.now();
+        this.pace.moved();
         this.events.camera?.();
         this.invalidate();
     }
@@ -306,42 +315,32 @@ export class Viewer {
             this.pose.turn(this.autoRotate * secs, 0);
             this.moved();
         }
-        const waiting = this.pollFence() || this.replacing;
-        const resting = time - this.lastMove > REST_MS;
-        if (!waiting && (this.dirty || (resting && this.drawnRatio < 1))) {
-            const ratio = resting ? 1 : this.ratio;
-            const view = this.sizedView(ratio);
-            this.drawnRatio = ratio;
+        const { pace } = this;
+        this.finish();
+        const isWaiting = pace.isDrawing || this.replacing;
+        if (!isWaiting && (this.dirty || (pace.isResting(time) && pace.drawnRatio < 1))) {
+            this.dirty = false;
+            pace.drawnRatio = pace.ratioAt(time);
+            const view = this.sizedView(pace.drawnRatio);
+            if (view && this.isUnsorted) {
+                this.isUnsorted = false;
+                void this.complement();
+            }
             if (view) {
-                this.dirty = false;
-                this.fenceStart = performance.now();
                 this.fenceComplete = this.complete;
-                this.paint(view);
-                this.fence = this.renderer.gl.fenceSync(this.renderer.gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
-            } else {
-                this.dirty = false;
+                pace.draw(() => this.paint(view));
             }
         }
-        const again = (this.dirty && !this.replacing) || this.fence || this.drawnRatio < 1 || this.controls.active || this.autoRotate;
+        const again = (this.dirty && !this.replacing) || pace.isDrawing || pace.drawnRatio < 1 || this.controls.active || this.autoRotate;
         if (again && !this.frame) this.frame = requestAnimationFrame((next) => this.tick(next));
     }
 
-    /** Whether the GPU still draws the last image; when it is done, chooses the size of the next while moving. */
-    private pollFence(): boolean {
-        const { gl } = this.renderer;
-        if (!this.fence) return false;
-        gl.flush();
-        const status = gl.getSyncParameter(this.fence, gl.SYNC_STATUS);
-        if (status !== gl.SIGNALED && !gl.isContextLost()) return true;
-        gl.deleteSync(this.fence);
-        this.fence = null;
-        const ms = performance.now() - this.fenceStart;
+    /** Tells of the last image when the GPU is done with it. */
+    private finish(): void {
+        const ms = this.pace.finished();
+        if (ms === null) return;
         this.completeDrawn = this.fenceComplete && this.complete;
         this.events.drawn?.({ ms, widthPx: this.canvas.width, heightPx: this.canvas.height, complete: this.completeDrawn });
-        const wanted = this.drawnRatio * Math.sqrt(MOVING_MS / Math.max(ms, 1));
-        // The ratio is for the next image, if the camera moves then; a resting camera gets the full size.
-        this.ratio = Math.max(LEAST_RATIO, Math.min(1, wanted > 0.9 ? 1 : wanted));
-        return false;
     }
 
     private sizedView(ratio: number): View | null {

@@ -110,7 +110,7 @@ describe.skipIf(!browserPath())('<litetex-viewer>', () => {
         await browser.page.mouse.up();
         await rest();
         expect(farthest(await shown(10), expected)).toBeGreaterThan(5);
-        // Out of sight and back: as it was left.
+        // No longer visible, and visible again: as it was left.
         const left = await shown(10);
         await browser.page.evaluate(() => scrollTo(0, 0));
         for (let i = 0; i < 6; i++) {
@@ -125,7 +125,7 @@ describe.skipIf(!browserPath())('<litetex-viewer>', () => {
         expect(await number('loads')).toBe(20);
     }, 240_000);
 
-    test('20 in sight at once all show their picture; one that is taken hold of moves', async () => {
+    test('20 visible at once all show their picture; one that is taken hold of moves', async () => {
         await add(20, { src: FILE, 'camera-controls': '' }, 'width: 150px; height: 100px; float: left');
         await loaded(20);
         await rest();
@@ -246,7 +246,7 @@ describe.skipIf(!browserPath())('<litetex-viewer>', () => {
         expect(await splats()).toBe(36);
     });
 
-    test('what is lazy loads once it comes into sight', async () => {
+    test('what is lazy loads once it is visible', async () => {
         await browser.page.evaluate(() => document.body.append(Object.assign(document.createElement('div'), { style: 'height: 2000px' })));
         await add(2, { src: FILE, loading: 'lazy' });
         await browser.page.waitForTimeout(1000);

@@ -382,7 +382,7 @@ describe.skipIf(!browserPath())('page', () => {
 
     test('shows texts of files as text', async () => {
         const file = renamed(GLB, (key, value) => (key === 'name' && value === 'side' ? HOSTILE
-            : key === 'provenance' ? { ...value as object, title: HOSTILE, author: HOSTILE, training: { policy: HOSTILE } } : value));
+            : key === 'provenance' ? { ...value as object, title: HOSTILE, author: HOSTILE, up: HOSTILE, training: { policy: HOSTILE } } : value));
         const server = await driver.serve(file, (s) => { s.session.asset!.name = HOSTILE; });
         const opened = await driver.open(server.url);
         const { page } = opened;
@@ -394,6 +394,7 @@ describe.skipIf(!browserPath())('page', () => {
         expect(await text(page, 'cameras')).toContain(HOSTILE);
         await page.click('#tool-info');
         expect(await text(page, 'provenance')).toContain(`Author${HOSTILE}`);
+        expect(await text(page, 'provenance')).toContain(`Up${HOSTILE}`);
         expect(await text(page, 'training-settings')).toContain(HOSTILE);
         expect(await page.locator('img[src=x], #title b, #cameras b').count()).toBe(0);
         expect((await driver.canvas(page)).name).toMatch(/^[\w.-]+\.png$/);

@@ -19,6 +19,12 @@ test('bounds of the local frame are turned to have y up', () => {
     expect(() => readMeta({ ...META, bounds: { min: [1, 0, 0], max: [0, 0, 0] } })).toThrow(/min up to max/);
 });
 
+test('up is a text, absent where nobody chose one', () => {
+    const of = (provenance: object) => readMeta({ ...META, provenance: { ...META.provenance, ...provenance } }).provenance.up;
+    expect([of({}), of({ up: 'z: 12 of 12 photos are level to it' })]).toEqual(['', 'z: 12 of 12 photos are level to it']);
+    expect(() => of({ up: 3 })).toThrow(/up.*a text/);
+});
+
 test('the home view is the one named, else the first of the training', async () => {
     const info = await readScene(file('samples/conformance/balanced.ltgs'));
     const of = (meta: object) => homeCamera({ ...info, ...readMeta({ ...META, ...meta }) })?.name;

@@ -65,6 +65,7 @@ function readProvenance(value: unknown): Provenance {
     const names = ['title', 'author', 'licence', 'source', 'programVersion'];
     return Object.fromEntries([
         ...names.map((name) => [name, textOf(provenance[name], name)]),
+        ['up', textOf(provenance.up ?? '', 'up')],
         ['training', Object.fromEntries(facts.map(([name, fact]) => [name, textOf(fact, 'training')]))],
     ]) as unknown as Provenance;
 }

@@ -1,0 +1,29 @@
+/** What the attributes of the element say. */
+
+import { COLOURS, type Colours } from '../core/render/colours';
+
+export const ATTRIBUTES = ['src', 'alt', 'camera-controls', 'controls-mode', 'disable-zoom', 'auto-rotate', 'rotation-per-second', 'view', 'background', 'colours', 'max-splats', 'loading'];
+
+export function maxSplatsOf(element: Element): number {
+    const most = Math.floor(Number(element.getAttribute('max-splats')));
+    return most >= 1 ? most : Infinity;
+}
+
+export function coloursOf(element: Element): Colours {
+    const colours = element.getAttribute('colours') ?? 'trained';
+    return Object.hasOwn(COLOURS, colours) ? colours as Colours : 'trained';
+}
+
+/** Null: transparent. Undefined: that of the scene. */
+export function backgroundOf(element: Element): readonly [number, number, number] | null | undefined {
+    const text = element.getAttribute('background') ?? 'scene';
+    if (text === 'transparent') return null;
+    const digits = /^#([0-9a-f]{6})$/i.exec(text)?.[1];
+    return digits ? [0, 2, 4].map((at) => parseInt(digits.slice(at, at + 2), 16) / 255) as [number, number, number] : undefined;
+}
+
+/** Radians per second, if it turns by itself. */
+export function rotationOf(element: Element): number {
+    const degrees = Number(element.getAttribute('rotation-per-second') ?? 12);
+    return Number.isFinite(degrees) ? degrees * Math.PI / 180 : 0;
+}
