@@ -9,6 +9,7 @@ import { errorOf, type FromWorker, type KeptFile, type Source, stored, type Stor
 import { sceneBounds, type Sphere } from './bounds';
 import { Controls } from './controls';
 import { homePose, type Pose } from './pose';
+import { readSurfaces, type SplatSurfaces } from './surfaces';
 
 export interface ViewerEvents {
     /** Header and metadata are there. */
@@ -174,6 +175,12 @@ export class Viewer {
         if (!this.info) return;
         this.pose = homePose(this.info, this.boundsOfScene());
         this.moved();
+    }
+
+    /** The splats that are shown, for picking: read once more, without colours. Rejects while the file is not there as a whole. */
+    async surfaces(): Promise<SplatSurfaces> {
+        if (!this.kept) throw new Error('The file is still being read');
+        return readSurfaces(this.kept, this.maxSplats);
     }
 
     /** Draws soon. */
