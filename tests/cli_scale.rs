@@ -92,7 +92,7 @@ fn two_points_make_a_unit_a_metre() {
     assert_eq!(export(&first, &[]).provenance.scale, UNKNOWN_SCALE);
     // Places in the capture's frame need no photos, so that assets have a scale too.
     let other = at("other.ltgs");
-    let from = "0,0,0 0,0,2 = 5m";
+    let from = "-1,0,0 -1,0,2 = 5m";
     good(&[
         "export",
         text(&first),

@@ -5,9 +5,15 @@ use super::lens::Lens;
 use crate::camera::Pinhole;
 use glam::{DMat2, DVec2};
 
-/// Accuracy and most steps of Newton's method for the inverse of a distortion (measured: wide fisheyes take up to 9).
+/// Accuracy and most steps of Newton's method for the inverse of a distortion.
 const NEWTON_PX: f64 = 1e-6;
 const NEWTON_STEPS: u32 = 50;
+
+/// Distance over which a distortion's slope is taken, pixels.
+const SLOPE_PX: f64 = 1e-3;
+
+/// Most times that a step is halved.
+const HALVINGS: i32 = 20;
 
 /// Samples a distorted image along the rows of its pinhole image.
 pub(crate) struct Warp {
@@ -44,21 +50,29 @@ impl Warp {
     /// Where a position in the distorted image lies in the pinhole image; `None` if no ray of the pinhole leads there.
     pub fn undistorted_px(&self, at_px: DVec2) -> Option<DVec2> {
         let c = &self.lens.pinhole;
-        let mut guess = at_px;
-        // Newton's method in pixels. Starts where the lens sees that position without distortion.
+        let is_inside = |v: f64, size: u32| (0.0..=f64::from(size)).contains(&v);
+        if !(is_inside(at_px.x, c.width_px) && is_inside(at_px.y, c.height_px)) {
+            return None;
+        }
+        let error = |guess: DVec2| self.distorted_px(guess).map(|px| px - at_px);
+        // Newton's method in pixels, in steps as long as they bring it nearer: beyond the largest radius there is nothing.
+        let middle = DVec2::new(c.cx_px, c.cy_px);
+        let (mut guess, mut off) = (middle, error(middle)?);
         for _ in 0..NEWTON_STEPS {
-            let error = self.distorted_px(guess)? - at_px;
-            if error.length() < NEWTON_PX {
-                let inside = |v: f64, size: u32| (0.0..=f64::from(size)).contains(&v);
-                return (inside(at_px.x, c.width_px) && inside(at_px.y, c.height_px)).then_some(guess);
+            if off.length() < NEWTON_PX {
+                return Some(guess);
             }
-            let slope = |d: DVec2| Some(self.distorted_px(guess + d)? - self.distorted_px(guess - d)?);
-            let jacobian = DMat2::from_cols(slope(DVec2::X * 0.5)?, slope(DVec2::Y * 0.5)?);
-            let step = jacobian.inverse() * error;
-            if !step.is_finite() {
-                return None;
-            }
-            guess -= step;
+            // Slopes towards the middle, where the lens surely images.
+            let slope = |axis: DVec2| {
+                let d = axis * SLOPE_PX * if (middle - guess).dot(axis) < 0.0 { -1.0 } else { 1.0 };
+                Some((error(guess + d)? - off) / d.dot(axis))
+            };
+            let step = DMat2::from_cols(slope(DVec2::X)?, slope(DVec2::Y)?).inverse() * off;
+            let nearer = (0..HALVINGS).find_map(|halvings| {
+                let next = guess - step * 0.5_f64.powi(halvings);
+                error(next).filter(|e| e.length() < off.length()).map(|e| (next, e))
+            });
+            (guess, off) = nearer?;
         }
         None
     }

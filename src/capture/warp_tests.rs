@@ -1,8 +1,10 @@
 //! Distorted captures against photos of the same scene through a pinhole.
 
 use super::fixtures::{Scene, write_json};
-use super::lens::{Distortion, Tilt};
+use super::lens::{Distortion, Lens, Tilt};
+use super::warp::Warp;
 use super::*;
+use crate::camera::Pinhole;
 use crate::image::TargetImage;
 use crate::views::ViewSource as _;
 use glam::DVec2;
@@ -186,4 +188,45 @@ fn k4_of_a_json_is_browns_fourth_term() {
     // Negative control: as OpenCV's denominator, it is 6 px off in the corners.
     let (mean, worst, _) = differences(&captured_by_json("FULL_OPENCV", k, &brown));
     assert!(mean > 3.0 && worst > 50.0, "mean {mean}, worst {worst}");
+}
+
+#[test]
+fn positions_in_distorted_photos_are_found_in_the_pinhole_image() {
+    let fisheye = |k: [f64; 6]| Distortion::Fisheye { k, tilt: Tilt::None };
+    let lenses = [
+        ("barrel", radial([-0.15, 0., 0., 0., 0., 0.], [0.; 2])),
+        ("pincushion", radial([0.5, 0., 0., 0., 0., 0.], [0.004, -0.003])),
+        ("rational", radial([0.2, 0.05, 0.01, 0.3, 0.02, 0.01], [0.002, 0.001])),
+        ("fisheye", fisheye([0.05, -0.02, 0.01, 0., 0., 0.])),
+        ("field of view", Distortion::FieldOfView { omega: 0.9 }),
+        ("division", Distortion::Division { k: -0.2 }),
+        ("unified", Distortion::Unified { alpha: 0.6, beta: 1.1 }),
+    ];
+    for (name, distortion) in lenses {
+        for focal_px in [90.0, 45.0] {
+            let (width_px, height_px) = SIZE;
+            let (cx_px, cy_px) = (CENTRE_PX.x, CENTRE_PX.y);
+            let pinhole = Pinhole { fx_px: focal_px, fy_px: focal_px, cx_px, cy_px, width_px, height_px };
+            let warp = Warp::new(Lens { pinhole, distortion }, 1.0);
+            let mut found = 0;
+            for (x, y) in (0..SIZE.0 as usize)
+                .step_by(3)
+                .flat_map(|x| (0..SIZE.1 as usize).step_by(3).map(move |y| (x, y)))
+            {
+                let Some(distorted) = warp.source_px(x, y) else { continue };
+                let expected = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
+                let back = warp.undistorted_px(distorted);
+                let back = back.unwrap_or_else(|| panic!("{name}, {focal_px}: {expected} at {distorted}"));
+                // Near the largest radius positions hardly move with the ray.
+                assert!(back.distance(expected) < 0.05, "{name}, {focal_px}: {back} for {expected}");
+                assert!(warp.distorted_px(back).unwrap().distance(distorted) < 1e-5, "{name}, {focal_px}");
+                found += 1;
+            }
+            assert!(found > 400, "{name}, {focal_px}: {found}");
+            // Negative controls: the lens moves them, and outside of the photo there is nothing.
+            let corner = DVec2::new(2.5, 2.5);
+            assert!(warp.undistorted_px(corner).is_none_or(|p| p.distance(corner) > 0.5), "{name}");
+            assert_eq!(warp.undistorted_px(DVec2::new(-1.0, 40.0)), None);
+        }
+    }
 }

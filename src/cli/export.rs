@@ -46,7 +46,7 @@ pub struct ExportArgs {
     /// Two points and their distance, such as 'A.jpg:10,20 A.jpg:300,40 = 1.2m', by which a unit of the files becomes a metre; kept
     /// beside the run for later exports, "none" forgets it. Points: VIEW:x,y, a pixel of the stored photo, which shows the surface
     /// there; VIEW:x,y+VIEW:x,y, the same point in two views; X,Y,Z, in the capture's frame. Units: mm, cm, m, in, ft
-    #[arg(long, value_name = "POINTS", value_parser = parse_scale_from, conflicts_with = "scale", help_heading = "Scene")]
+    #[arg(long, value_name = "POINTS", value_parser = parse_scale_from, allow_hyphen_values = true, conflicts_with = "scale", help_heading = "Scene")]
     scale_from: Option<ScaleFrom>,
     #[command(flatten)]
     asset: AssetArgs,

@@ -6,6 +6,9 @@
 //! a survey flight (the test below), whose photos state where they were taken: read as here, the camera is 4 cm from
 //! there and looks down; with rows for columns it is 190 m away. In local coordinates z is up; without a similarity the
 //! chunk's axes are arbitrary. Lenses are in `metashape_lens.rs`.
+//!
+//! Geocentric coordinates are in metres. Local ones have the unit that the chunk's reference states, which is a metre also of
+//! chunks whose size nobody measured: they count as metric if places or scale bars determine the similarity.
 
 use super::axes::{from_opencv, from_rows};
 use super::lookup::{begins_with_all, files, find as find_photo, photo_folder};
@@ -39,6 +42,9 @@ const NEAR_EARTH_M: std::ops::Range<f64> = 6.3e6..6.45e6;
 
 /// Squared ratio of the earth's axes (WGS84), for the normal of the ellipsoid.
 const AXES_RATIO_2: f64 = 1.006_739_496_742_276_5;
+
+/// Places that determine a similarity.
+const NUM_PLACES_MIN: usize = 3;
 
 fn find(path: &Path, _: &mut Report) -> Option<Found> {
     let is_xml = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("xml"));
@@ -88,6 +94,8 @@ struct Chunk<'a, 'input> {
     /// Of cameras whose component has none.
     placement: Option<Stated>,
     is_local: bool,
+    /// Whether local coordinates are in metres, by what was measured on the ground.
+    is_metric_local: bool,
     cameras: Vec<Node<'a, 'input>>,
     /// Of the photos, by the ids of their cameras; exports state none, projects do.
     paths: BTreeMap<&'a str, &'a str>,
@@ -106,7 +114,8 @@ impl<'a, 'input> Chunk<'a, 'input> {
                 .map(|(id, component)| (id, placement(component)))
                 .collect(),
             placement: placement(chunk),
-            is_local: child(chunk, "reference").is_some_and(|r| text_of(r).starts_with("LOCAL_CS")),
+            is_local: local_system(chunk).is_some(),
+            is_metric_local: local_system(chunk).is_some_and(is_in_metres) && is_measured(chunk),
             cameras: by_id("cameras", "camera").map(|(_, camera)| camera).collect(),
             paths: chunk.descendants().filter_map(photo_path).collect(),
         }
@@ -159,17 +168,19 @@ impl<'a, 'input> Chunk<'a, 'input> {
         }
     }
 
-    /// The direction that the coordinates of the capture state as up.
-    fn up(&self, views: &[SourceView]) -> Option<DVec3> {
+    /// The direction that the coordinates of the capture state as up, and whether they are in metres.
+    fn up_and_metric(&self, views: &[SourceView]) -> (Option<DVec3>, bool) {
         let is_placed = self.placement.is_some() || self.components.values().any(Option::is_some);
         if views.is_empty() || !is_placed {
-            return None;
+            return (None, false);
         }
         let centres = views.iter().map(|v| v.camera_from_capture.origin_of_a_in_b());
         let centre = centres.sum::<DVec3>() / views.len() as f64;
-        let is_geocentric = !self.is_local && NEAR_EARTH_M.contains(&centre.length());
-        let normal = DVec3::new(centre.x, centre.y, centre.z * AXES_RATIO_2);
-        Some(if is_geocentric { normal.normalize() } else { DVec3::Z })
+        if !self.is_local && NEAR_EARTH_M.contains(&centre.length()) {
+            let normal = DVec3::new(centre.x, centre.y, centre.z * AXES_RATIO_2);
+            return (Some(normal.normalize()), true);
+        }
+        (Some(DVec3::Z), self.is_metric_local)
     }
 }
 
@@ -247,8 +258,38 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
     let total = source.num_posed() + left_out.count();
     left_out.finish_views(path, total, &mut source)?;
     unused::report(&mut source);
-    source.stated_up = chunk.up(&source.views);
+    let (up, is_metric) = chunk.up_and_metric(&source.views);
+    source.stated_up = up;
+    source.metric = is_metric.then_some("Metashape");
     Ok(source)
+}
+
+/// The system of local coordinates that a chunk is in, as WKT.
+fn local_system<'a>(chunk: Node<'a, '_>) -> Option<&'a str> {
+    child(chunk, "reference").map(text_of).filter(|text| text.starts_with("LOCAL_CS"))
+}
+
+/// Whether the first unit of a system is a metre; it may be a millimetre.
+fn is_in_metres(system: &str) -> bool {
+    let unit = system.split_once("UNIT[").map_or("", |(_, unit)| unit);
+    unit.split([',', ']']).nth(1).and_then(litetex_exporters::parse_number) == Some(1.0)
+}
+
+/// Whether what was measured determines the size of a chunk: places of three cameras or markers, or the length of a scale bar.
+/// No published export with a scale bar was at hand: one that is written otherwise leaves the scale unknown.
+fn is_measured(chunk: Node<'_, '_>) -> bool {
+    let references = || {
+        let all = chunk.descendants().filter(|n| n.has_tag_name("reference"));
+        all.filter(|n| !is_disabled(*n) && !n.parent().is_some_and(is_disabled))
+    };
+    let number = |n: &Node<'_, '_>, name: &str| {
+        n.attribute(name).and_then(litetex_exporters::parse_number).filter(|v| v.is_finite())
+    };
+    let is_place = |n: &Node<'_, '_>| ["x", "y", "z"].iter().all(|axis| number(n, axis).is_some());
+    let is_bar = |n: &Node<'_, '_>| {
+        number(n, "distance").is_some_and(|d| d > 0.0) && n.ancestors().any(|a| a.has_tag_name("scalebar"))
+    };
+    references().filter(is_place).count() >= NUM_PLACES_MIN || references().any(|n| is_bar(&n))
 }
 
 fn is_disabled(camera: Node<'_, '_>) -> bool {

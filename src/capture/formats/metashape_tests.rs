@@ -286,3 +286,40 @@ fn labels_that_repeat_are_told_apart_by_the_paths_of_their_photos() {
     assert_eq!(names(&source), ["IMG_99.jpg"]);
     assert!(source.report.warnings.iter().all(|w| w.code != "views-left-out"));
 }
+
+#[test]
+fn metres_are_known_from_the_earth_or_from_what_was_measured() {
+    let metric = |xml: &str| source(xml, &["000001-01_00001.JPG", "0.png", "1.png", "2.png"]).unwrap().metric;
+    assert_eq!(metric(SURVEY), Some("Metashape"), "geocentric");
+    let placed =
+        "<components><component id='0'><transform><scale>2</scale></transform></component></components>";
+    let system = |unit: &str| {
+        format!(
+            "<reference>LOCAL_CS[\"Local Coordinates\",LOCAL_DATUM[\"Local Datum\",0],UNIT[{unit},AUTHORITY[\"EPSG\",\"9001\"]]]</reference>"
+        )
+    };
+    let local = |unit: &str, placed: &str, inside: &str| {
+        let xml = small(placed, CALIBRATION, &["component_id='0'"; 3]);
+        metric(&xml.replace("</chunk>", &format!("{inside}{}</chunk>", system(unit))))
+    };
+    let metre = "\"metre\",1";
+    let marker = |i: usize, enabled: bool| {
+        format!(
+            "<marker id='{i}' label='{i}'><reference x='{i}' y='0' z='1.5' enabled='{enabled}'/></marker>"
+        )
+    };
+    let markers = |enabled: [bool; 3]| {
+        let all: String = enabled.iter().enumerate().map(|(i, &enabled)| marker(i, enabled)).collect();
+        format!("<markers>{all}</markers>")
+    };
+    let bar = "<scalebars><scalebar id='0' label='a_b'><reference distance='0.5' enabled='true'/></scalebar></scalebars>";
+    assert_eq!(local(metre, placed, &markers([true; 3])), Some("Metashape"));
+    assert_eq!(local(metre, placed, bar), Some("Metashape"));
+    // Negative controls: nothing or too little measured, other units, no similarity, and where that leads nowhere.
+    assert_eq!(local(metre, placed, ""), None);
+    assert_eq!(local(metre, placed, &markers([true, true, false])), None);
+    assert_eq!(local(metre, placed, &bar.replace("true", "false")), None);
+    assert_eq!(local("\"millimetre\",0.001", placed, bar), None);
+    assert_eq!(local(metre, "", bar), None);
+    assert_eq!(metric(&small(placed, CALIBRATION, &["component_id='0'"; 3])), None);
+}

@@ -58,6 +58,8 @@ export interface Provenance {
   /** The direction of the capture that is up in the file, and why. */
   readonly up: string;
   readonly programVersion: string;
+  /** Begins with `metres` if a unit of the world is one, and says how that is known; `unknown scale`; empty if the file does not say. */
+  readonly scale: string;
   readonly training: Readonly<Record<string, string>>;
 }
 
@@ -77,6 +79,8 @@ export interface SceneInfo {
   readonly colourSpace: 'srgb_rec709_display' | 'lin_rec709_display';
   /** World (y up) from data: a similarity, column by column. */
   readonly worldFromData: readonly number[];
+  /** The frame of the capture, that of its poses, from data: a similarity, column by column; null: not known. */
+  readonly captureFromData: readonly number[] | null;
   readonly cameras: readonly SceneCamera[];
   /** Index of the camera to begin at; null: none is named. */
   readonly home: number | null;

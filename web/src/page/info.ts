@@ -9,8 +9,8 @@ const CONTAINERS = { ltgs: '.ltgs', gltf: 'glTF' } as const;
 
 /** Shows what a file says about itself. */
 export function showInfo(info: SceneInfo, name: string): void {
-    const { title, author, licence, source, up, programVersion, training } = info.provenance;
-    fillFacts(byId('provenance'), [['Title', title || '–'], ['Author', author], ['Licence', licence], ['Source', source], ['Up', up], ['Made by', programVersion && `litetex ${programVersion}`]]);
+    const { title, author, licence, source, up, scale, programVersion, training } = info.provenance;
+    fillFacts(byId('provenance'), [['Title', title || '–'], ['Author', author], ['Licence', licence], ['Source', source], ['Up', up], ['Scale', scale], ['Made by', programVersion && `litetex ${programVersion}`]]);
     fillFacts(byId('file-facts'), [
         ['Name', name], ['Format', CONTAINERS[info.container]], ['Quality', info.quality], ['Size', bytes(info.fileBytes)], ['Splats', count(info.splats)],
         ['Texels', count(info.texels)], ['SH degree', `up to ${info.shDegree}`], ['Cameras', count(info.cameras.length)],

@@ -1,5 +1,6 @@
 /** Keys of the page, and the overlay that lists them. Those that move the camera are in the controls. */
 
+import { needsLetters } from '../viewer/controls';
 import { byId, make } from './dom';
 
 export interface Shortcut {
@@ -30,6 +31,7 @@ export function setUpKeys(shortcuts: readonly Shortcut[], escape: () => void): v
         if (event.key === 'Tab') document.documentElement.classList.add('tabbed');
         if (event.ctrlKey || event.metaKey || event.altKey || event.defaultPrevented || help().open) return;
         if (event.key === 'Escape') return escape();
+        if (needsLetters(event.composedPath()[0] as Element)) return;
         const key = event.key.toLowerCase();
         const shortcut = shortcuts.find(({ keys }) => keys.includes(key));
         if (!shortcut || event.repeat) return;

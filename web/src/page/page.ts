@@ -10,6 +10,7 @@ import { save, setUpFiles } from './files';
 import { bytes, fileName } from './format';
 import { showFigures, showInfo } from './info';
 import { setUpKeys, showHelp, type Shortcut } from './keys';
+import { Measure } from './measure';
 import { clear, closeLatest, say } from './messages';
 import { closePanel, pressTool, setUpPanels } from './panels';
 import { embedded, type Session, sessionUrl, watch } from './session';
@@ -19,6 +20,7 @@ class Page {
     private readonly viewer: Viewer;
     private readonly cameras: Cameras;
     private readonly compare: Compare;
+    private readonly measure: Measure;
     private session: Session | null = null;
     /** Name of the file that is shown or being read. */
     private name = '';
@@ -36,12 +38,16 @@ class Page {
             progress: (done, total) => this.progressed(done, total),
             load: () => this.loaded(),
             error: (error) => this.failed(error),
-            camera: () => this.cameras.moved(),
+            camera: () => {
+                this.cameras.moved();
+                this.measure.draw();
+            },
             drawn: (frame) => showFigures(this.viewer, frame),
             lost: () => this.stopped(),
             restored: () => clear('driver'),
         }, window);
         this.compare = new Compare(this.viewer);
+        this.measure = new Measure(this.viewer);
         const changed = () => this.compare.setCamera(this.cameras.current, this.cameras.exact);
         this.cameras = new Cameras(this.viewer, changed, () => (this.compare.mode === 'photo' ? 'back to the photo' : 'back'));
         this.setUpTools();
@@ -131,9 +137,11 @@ class Page {
     }
 
     private begun(info: SceneInfo): void {
+        this.measure.changed();
         if (this.pending) {
             this.name = this.pending;
             this.own = true;
+            this.measure.clear();
             this.pending = '';
             this.compare.setPhotos(new Map());
             showTraining(null);
@@ -210,8 +218,11 @@ class Page {
     }
 
     private setUpTools(): void {
-        const { viewer, cameras, compare } = this;
-        setUpPanels((name) => { if (name === 'cameras') cameras.reveal(); });
+        const { viewer, cameras, compare, measure } = this;
+        setUpPanels((name) => {
+            if (name === 'cameras') cameras.reveal();
+            measure.setOn(name === 'measure');
+        });
         const colours = setUpColours((value) => {
             viewer.colours = value;
             viewer.invalidate();
@@ -236,6 +247,7 @@ class Page {
             { keys: ['c'], help: 'compare: nothing, without textures, photo', run: () => compare.next() },
             { keys: ['1', '2', '3', '4', '5'], help: 'colours: as trained, without textures, texels, SH degree, depth', run: (key) => colours(ALL_COLOURS[Number(key) - 1]) },
             { keys: ['l'], help: 'list of cameras', run: () => pressTool('cameras') },
+            { keys: ['m'], help: 'measure between two points', run: () => pressTool('measure') },
             { keys: ['i'], help: 'information', run: () => pressTool('info') },
             { keys: ['t'], help: 'statistics', run: () => statistics.click() },
             { keys: ['x'], help: 'save the image', run: () => void this.screenshot() },

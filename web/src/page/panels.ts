@@ -4,16 +4,16 @@ import { byId } from './dom';
 
 const buttons = () => [...document.querySelectorAll<HTMLButtonElement>('#tools [data-panel]')];
 
-/** Sets the panel up; `opened` is called with the name of the section that is shown. */
-export function setUpPanels(opened: (name: string) => void): void {
+let changed: (name: string | null) => void;
+
+/** Sets the panel up; `told` is called with the name of the section that is shown, or null. */
+export function setUpPanels(told: typeof changed): void {
+    changed = told;
     for (const button of document.querySelectorAll<HTMLButtonElement>('#tools button')) button.setAttribute('aria-label', button.title);
     for (const button of buttons()) {
         button.setAttribute('aria-expanded', 'false');
         button.setAttribute('aria-controls', 'panel');
-        button.addEventListener('click', () => {
-            toggle(button.dataset.panel!);
-            if (openPanel()) opened(openPanel()!);
-        });
+        button.addEventListener('click', () => toggle(button.dataset.panel!));
     }
     byId('panel-close').addEventListener('click', closePanel);
 }
@@ -44,4 +44,5 @@ function toggle(name: string): void {
     for (const section of document.querySelectorAll<HTMLElement>('#panel section')) section.hidden = section.id !== `panel-${name}`;
     byId('panel').hidden = !open;
     byId('panel-title').textContent = byId(`panel-${name}`).dataset.title!;
+    changed(openPanel());
 }

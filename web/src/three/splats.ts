@@ -10,7 +10,7 @@ import { sceneBounds } from '../viewer/bounds';
 import { SplatData, type SplatsOptions } from './data';
 import { CONVERSION, SplatMaterial } from './material';
 import { CameraOrder } from './orders';
-import { pick } from './pick';
+import { pick } from '../core/pick';
 import { similarityOf, takeSceneCamera, viewOfCamera } from './view';
 
 /** What a target holds: code values as a display takes them, or linear light. */

@@ -146,7 +146,7 @@ export class Controls {
 const WITHOUT_LETTERS = ['button', 'checkbox', 'color', 'file', 'image', 'radio', 'range', 'reset', 'submit'];
 
 /** Whether someone types there, or is to answer a dialog first. */
-function needsLetters(element: Element): boolean {
+export function needsLetters(element: Element): boolean {
     if (element instanceof HTMLInputElement) return !WITHOUT_LETTERS.includes(element.type);
     return Boolean((element as HTMLElement).isContentEditable || element.closest?.('textarea, select, dialog[open]'));
 }

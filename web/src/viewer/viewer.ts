@@ -10,6 +10,7 @@ import { sceneBounds, type Sphere } from './bounds';
 import { Controls } from './controls';
 import { Pace } from './pace';
 import { homePose, type Pose } from './pose';
+import { readSurfaces, type SplatSurfaces } from './surfaces';
 
 export interface ViewerEvents {
     /** Header and metadata are there. */
@@ -176,6 +177,12 @@ export class Viewer {
         if (!this.info) return;
         this.pose = homePose(this.info, this.boundsOfScene());
         this.moved();
+    }
+
+    /** The splats that are shown, for picking: read once more, without colours. Rejects while the file is not there as a whole. */
+    async surfaces(): Promise<SplatSurfaces> {
+        if (!this.kept) throw new Error('The file is still being read');
+        return readSurfaces(this.kept, this.maxSplats);
     }
 
     /** Draws soon. */

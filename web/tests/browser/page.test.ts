@@ -1,5 +1,6 @@
 /** The built page, served and as a file, under the policy that the program gives it. */
 
+import { execFileSync } from 'node:child_process';
 import { mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
@@ -422,6 +423,95 @@ describe.skipIf(!browserPath())('page', () => {
         expect(await page.evaluate(() => getComputedStyle(document.activeElement!).outlineStyle)).toBe('solid');
     });
 
+    test('measures between two clicks, and says where there is no surface', async () => {
+        const server = await driver.serve(LTGS);
+        const opened = await driver.open(server.url);
+        const { page } = opened;
+        const says = (words: string) => page.waitForFunction((wanted) => document.getElementById('measure-text')!.textContent!.includes(wanted), words);
+        const option = () => text(page, 'measure-command');
+        const pressed = () => page.getAttribute('#tool-measure', 'aria-expanded');
+        await page.keyboard.press('m');
+        expect(await pressed()).toBe('true');
+        await says('Click on the first point.');
+        expect(await page.getAttribute('#measure-text', 'role')).toBe('status');
+        // Negative control: a corner shows the background only.
+        await page.mouse.click(20, 590);
+        await says('There is no surface there, only background. Click on the first point.');
+        // A drag is no click.
+        await drag(page, 60, 20);
+        await page.keyboard.press('b');
+        await says('Click on the first point.');
+        const [first, second] = await surfaces(renderer, 800, 600);
+        await page.mouse.click(...first.at);
+        await says('Click on the second point.');
+        expect(await page.locator('#measure-marks circle').count()).toBe(1);
+        await page.mouse.click(...second.at);
+        await says('units, unknown scale');
+        expect(await page.locator('#measure-marks circle').count()).toBe(2);
+        const apart = Math.hypot(...first.point.map((v, i) => v - second.point[i]));
+        // The scene's file is scaled by 2.5.
+        expect(Number.parseFloat(await text(page, 'measure-text') ?? '')).toBeCloseTo(2.5 * apart, 2);
+        expect(await option()).toMatch(/^--scale-from '[-\d.]+,[-\d.]+,[-\d.]+ [-\d.]+,[-\d.]+,[-\d.]+ = \.\.\.m'$/);
+        // Letters in the field are no shortcuts.
+        await page.fill('#measure-length', '');
+        await page.focus('#measure-length');
+        await page.keyboard.type('30 mm');
+        expect(await option()).toMatch(/ = 30mm'$/);
+        expect(await pressed()).toBe('true');
+        await page.context().grantPermissions(['clipboard-read', 'clipboard-write']);
+        await page.click('#measure-copy');
+        await page.waitForFunction(() => document.getElementById('measure-copied')!.textContent === 'Copied');
+        expect(await page.evaluate(() => navigator.clipboard.readText())).toBe(await option());
+        // Marks stay on their points while the camera moves.
+        const place = () => page.locator('#measure-marks circle').first().getAttribute('cx');
+        const before = await place();
+        await page.keyboard.press('n');
+        await expect.poll(place).not.toBe(before);
+        await page.keyboard.press('p');
+        await expect.poll(async () => Number(await place())).toBeCloseTo(Number(before), 3);
+        await page.keyboard.press('Escape');
+        expect(await pressed()).toBe('false');
+        expect(await page.locator('#measure-marks').isVisible()).toBe(false);
+        expect(await page.evaluate(() => document.activeElement!.id)).toBe('tool-measure');
+        // With the keyboard alone: the middle of the window. Closed, clicks do nothing.
+        await page.mouse.click(...first.at);
+        await page.keyboard.press('m');
+        await says('Click on the first point.');
+        await page.focus('#measure-middle');
+        await page.keyboard.press('Enter');
+        await page.waitForFunction(() => /second point|no surface/.test(document.getElementById('measure-text')!.textContent!));
+        quiet(opened, server.origin);
+    });
+
+    test.skipIf(!process.env.LITETEX)('what it measures makes the scale of an export', async () => {
+        const [first, second] = await surfaces(renderer, 800, 600);
+        const measured = async (file: Buffer) => {
+            const { page } = await driver.open((await driver.serve(file)).url);
+            await page.keyboard.press('m');
+            await page.mouse.click(...first.at);
+            await page.waitForFunction(() => document.getElementById('measure-text')!.textContent!.includes('second'));
+            await page.mouse.click(...second.at);
+            await page.locator('#measure-option').waitFor();
+            await page.fill('#measure-length', '7');
+            const option = await text(page, 'measure-command');
+            const distance = await text(page, 'measure-text');
+            await page.keyboard.press('Escape');
+            await page.keyboard.press('i');
+            return { option: option!, distance: distance!, facts: await text(page, 'provenance') };
+        };
+        const before = await measured(LTGS);
+        expect(before.distance).toMatch(/units, unknown scale$/);
+        expect(before.distance).not.toMatch(/^7 /);
+        const scaled = join(folder, 'scaled.ltgs');
+        const [, points] = /^--scale-from '(.*)'$/.exec(before.option)!;
+        execFileSync(process.env.LITETEX!, ['-q', 'export', join(PACK, 'balanced.ltgs'), '-o', scaled, '--scale-from', points, '--quality', 'lossless', '--device', 'cpu']);
+        const after = await measured(readFileSync(scaled));
+        expect(after.distance).toBe('7 m');
+        expect(after.facts).toContain('Scalemetres: 7 m between two points');
+        // Places in the capture stay what they are.
+        expect(after.option).toBe(before.option);
+    });
+
     test.each([[360, 640], [844, 390]])('fits a phone of %i x %i', async (width, height) => {
         const server = await driver.serve(LTGS, (s) => {
             s.session.title = 'a-title-without-any-spaces-'.repeat(9);
@@ -439,7 +529,7 @@ describe.skipIf(!browserPath())('page', () => {
             }
         };
         await fits('#tools button, #camera-bar button, #training summary');
-        for (const tool of ['display', 'cameras', 'compare', 'info']) {
+        for (const tool of ['display', 'cameras', 'compare', 'measure', 'info']) {
             await page.tap(`#tool-${tool}`);
             await fits('#panel, #panel-close');
             for (const label of await page.locator('#panel label:visible, #panel button:visible').all()) expect((await label.boundingBox())!.height).toBeGreaterThan(39.9);
@@ -497,6 +587,35 @@ function shiftedBy({ width, height, data }: Raster, px: number): Raster {
     if (px > 0) data.copy(moved, 4 * px);
     else data.copy(moved, 0, -4 * px);
     return { width, height, data: moved };
+}
+
+interface Surface { at: [x: number, y: number]; point: number[] }
+
+/** Two places of the home view, fitted into a viewport, that show surfaces far from each other, and what they show, in the data. */
+async function surfaces(test: BrowserTest, width: number, height: number): Promise<[Surface, Surface]> {
+    const found = await test.page.evaluate(async ([url, w, h]) => {
+        const load = eval('(path) => import(path)'); // vitest would rewrite an import that it sees
+        const [{ readFrom }, { homePose }, { pick }, { rayThrough, pointAt }] =
+            await Promise.all(['core/worker/read-from', 'viewer/pose', 'core/pick', 'page/distance'].map((path): Promise<any> => load(`/src/${path}.ts`)));
+        let info: any;
+        const parts = new Map<number, any>();
+        await readFrom({ url }, Infinity, (message: any) => {
+            if (message.kind === 'info') info = message.info;
+            if (message.kind === 'update') parts.set(message.update.first, message.update);
+        });
+        const view = homePose(info, { centre: [0, 0, 0], radius: 1 }).view(w, h);
+        const all: { at: [number, number]; point: number[] }[] = [];
+        for (let y = 100; y < h - 100; y += 10) {
+            for (let x = 100; x < w / 2; x += 10) {
+                const ray = rayThrough(view, [x, y], info.near);
+                const hit = pick([...parts.values()], ray);
+                if (hit) all.push({ at: [x, y], point: pointAt(ray, hit.distance) });
+            }
+        }
+        return all;
+    }, [`/@fs/${join(PACK, 'balanced.ltgs')}`, width, height] as const);
+    const distance = (a: Surface) => Math.hypot(a.at[0] - found[0].at[0], a.at[1] - found[0].at[1]);
+    return [found[0], found.reduce((a, b) => (distance(b) > distance(a) ? b : a))];
 }
 
 /** The renderer's own image of a camera, fitted into a viewport, as PNG. */

@@ -2,14 +2,14 @@ import type { Provenance, SceneCamera, SceneInfo } from '../scene';
 import { check } from './errors';
 import { choiceOf, listOf, numberOf, numbersOf, objectOf, textOf, wholeOf } from './json';
 import { F32_MAX } from './ltgs/math';
-import { flipped, product, similarityOf } from './transform';
+import { flipped, HALF_TURN, product, similarityOf } from './transform';
 
 export const COLOUR_SPACES = ['srgb_rec709_display', 'lin_rec709_display'] as const;
 
 /** What `meta` says of a scene, with y up. */
 export type Meta = Pick<
     SceneInfo,
-    'near' | 'filter' | 'background' | 'colourSpace' | 'worldFromData' | 'cameras' | 'home' | 'bounds' | 'provenance'
+    'near' | 'filter' | 'background' | 'colourSpace' | 'worldFromData' | 'captureFromData' | 'cameras' | 'home' | 'bounds' | 'provenance'
 >;
 
 /** Reads the object `meta` (`gltf.md`, section 8). */
@@ -27,6 +27,7 @@ export function readMeta(value: unknown): Meta {
         filter: choiceOf(meta.filter, 'filter', ['none', 'ewa']),
         colourSpace: choiceOf(meta.colourSpace, 'colourSpace', COLOUR_SPACES),
         worldFromData: flipped(world),
+        captureFromData: product(capture, HALF_TURN),
         cameras,
         home,
         bounds: meta.bounds === undefined ? null : readBounds(meta.bounds),
@@ -66,6 +67,7 @@ function readProvenance(value: unknown): Provenance {
     return Object.fromEntries([
         ...names.map((name) => [name, textOf(provenance[name], name)]),
         ['up', textOf(provenance.up ?? '', 'up')],
+        ['scale', textOf(provenance.scale ?? '', 'scale')],
         ['training', Object.fromEntries(facts.map(([name, fact]) => [name, textOf(fact, 'training')]))],
     ]) as unknown as Provenance;
 }

@@ -7,7 +7,7 @@ export type Matrix = readonly number[];
 export const IDENTITY: Matrix = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
 
 /** Half a turn about x: from y down to y up, and back. */
-const HALF_TURN: Matrix = [1, 0, 0, 0, 0, -1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1];
+export const HALF_TURN: Matrix = [1, 0, 0, 0, 0, -1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1];
 
 /** First `b`, then `a`. */
 export function product(a: Matrix, b: Matrix): Matrix {

@@ -1,6 +1,6 @@
 /** The splat that a ray meets. */
 
-import type { Splats } from '../core/scene';
+import type { Splats } from './scene';
 
 /** Transmittance below which a ray has met something. */
 const HALF = 0.5;
