@@ -103,7 +103,7 @@ pub fn run(args: &ReportArgs, log: &Log) -> Result<Output> {
     let ltgs = std::fs::read(&file).map_err(|e| Error::io(&file, e))?;
     drop(staging);
 
-    let html = report_html(&figures, &ltgs, &provenance).map_err(|e| Error::from(e))?;
+    let html = report_html(&figures, &ltgs, &provenance)?;
     interrupt.check()?;
     atomic_file::write(&args.out, &html)?;
     Ok(output(&args.out, html.len() as u64, ltgs.len() as u64, &figures))

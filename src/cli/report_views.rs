@@ -77,7 +77,7 @@ pub fn measure_coverage(
     let views = evenly_spread(&all, COVERAGE_VIEWS_MAX);
     let options = RenderOptions { geometry: true, ..trained.render_options() };
     // Pending updates of the optimiser do not move splats.
-    let mut seen = SeenCounter::new(&trained.model);
+    let mut seen = SeenCounter::new(&trained.model.splats.positions);
     let (mut sum, mut most) = (0.0, None::<(String, f64)>);
     for &view in &views {
         interrupt.check()?;

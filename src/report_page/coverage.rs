@@ -2,7 +2,6 @@
 
 use crate::backend::RenderedImage;
 use crate::camera::Camera;
-use crate::model::Model;
 use glam::Vec3;
 use serde::Serialize;
 
@@ -15,7 +14,7 @@ const BEHIND_MAX: f64 = 0.05;
 
 /// Classes of numbers of views: the smallest of each, and its name.
 const CLASSES: [(u32, &str); 6] =
-    [(0, "none"), (1, "1 view"), (2, "2 views"), (3, "3 or 4"), (5, "5 to 9"), (10, "10 or more")];
+    [(0, "no view"), (1, "1 view"), (2, "2 views"), (3, "3 or 4"), (5, "5 to 9"), (10, "10 or more")];
 
 /// What the training views show.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -39,10 +38,9 @@ pub struct SeenCounter {
 }
 
 impl SeenCounter {
-    /// A counter for the splats of a model.
-    pub fn new(model: &Model) -> Self {
-        let positions: Vec<Vec3> =
-            model.splats.positions.as_chunks::<3>().0.iter().map(|p| Vec3::from(*p)).collect();
+    /// A counter for splats with these centres, `[splats, 3]`, local frame.
+    pub fn new(positions: &[f32]) -> Self {
+        let positions: Vec<Vec3> = positions.as_chunks::<3>().0.iter().map(|p| Vec3::from(*p)).collect();
         Self { views: vec![0; positions.len()], positions }
     }
 

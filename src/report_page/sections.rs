@@ -38,12 +38,17 @@ fn section(out: &mut String, heading: &str, content: &str) {
 
 fn worst_views(views: &WorstViews) -> String {
     let kind = if views.are_training { "training" } else { "test" };
+    let which = match (views.views.len(), views.of_views) {
+        (shown, all) if shown == all => {
+            format!("All {}, the worst first", counted(all, &format!("{kind} view")))
+        }
+        (shown, all) => {
+            format!("The {shown} of {} with the lowest PSNR", counted(all, &format!("{kind} view")))
+        }
+    };
     let mut out = format!(
-        "<p>The {} with the lowest PSNR among {}. Mean: PSNR {:.2} dB, gradient-PSNR {:.2} dB.</p>",
-        if views.views.len() == 1 { "view".to_owned() } else { format!("{} views", views.views.len()) },
-        counted(views.of_views, &format!("{kind} view")),
-        views.psnr,
-        views.grad_psnr
+        "<p>{which}. On average, PSNR is {:.2} dB and gradient-PSNR {:.2} dB.</p>",
+        views.psnr, views.grad_psnr
     );
     if views.are_training {
         out += "<p class=\"soft\">The capture has no test views, so these are views that the scene was trained on: they say little of \
@@ -100,7 +105,8 @@ fn of_coverage(coverage: &Coverage) -> String {
     let label = splats_by_views.iter().map(|(name, share)| format!("{name}: {:.1} %", 100.0 * share));
     let label = format!("Share of the splats shown by: {}", label.collect::<Vec<_>>().join(", "));
     let mut out = format!(
-        "<p>How many views show each splat, looked at in {which}. What one or two views show is vague from elsewhere.</p>\
+        "<p>Counted in {which}. What only one or two views show is vague from elsewhere; what none shows is hidden or outside of all \
+         images.</p>\
          <figure>{}<figcaption>Share of the splats, by the number of views that show them</figcaption></figure><p>Uncovered pixels: \
          {:.2} % on average",
         bars(&label, splats_by_views),

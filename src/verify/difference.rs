@@ -110,6 +110,6 @@ mod tests {
         let names = |most| evenly_spread(&views, most).into_iter().map(|v| v.name).collect::<Vec<_>>();
         assert_eq!(names(3), ["0", "3", "6"]);
         assert_eq!(names(50).len(), 10);
-        assert_eq!(evenly_spread(&[], 3).len(), 0);
+        assert_eq!(evenly_spread::<AssetCamera>(&[], 3).len(), 0);
     }
 }
