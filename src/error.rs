@@ -83,6 +83,32 @@ impl Error {
         Self::Io { path: path.into(), cause }
     }
 
+    /// Names of the families, as messages and `docs/troubleshooting.md` have them.
+    pub const KINDS: [&str; 8] = [
+        "check-failed",
+        "usage",
+        "missing",
+        "invalid-input",
+        "unsupported",
+        "system",
+        "device",
+        "interrupted",
+    ];
+
+    /// Name of the family.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::CheckFailed(_) => "check-failed",
+            Self::Usage(_) => "usage",
+            Self::InvalidInput { .. } => "invalid-input",
+            Self::Unsupported { .. } => "unsupported",
+            Self::Io { cause, .. } if cause.kind() == std::io::ErrorKind::NotFound => "missing",
+            Self::Io { .. } => "system",
+            Self::Device(_) => "device",
+            Self::Interrupted => "interrupted",
+        }
+    }
+
     /// Exit code of the family: 1 check failed, 2 usage, 3 input invalid, 4 unsupported,
     /// 5 device or run time, 130 interrupted.
     pub fn exit_code(&self) -> u8 {

@@ -30,6 +30,7 @@ pub mod report_page;
 pub mod run;
 pub mod sample;
 pub mod selftest;
+pub mod structure_from_motion;
 pub mod text;
 pub mod train;
 pub mod verify;

@@ -184,6 +184,7 @@ fn run_with(
                 let (c, n) = (&report.counters, report.non_finite_gradients);
                 format!("step {step} {view} {loss:?} {c:?} {n} {size:?}")
             }
+            TrainEvent::Planned { .. } => "planned".to_owned(),
             TrainEvent::EvalView { step, view, image } => {
                 format!("view {step} {view} {:?}", &image.rgb[..99])
             }

@@ -33,7 +33,7 @@ fn the_documentation_lists_the_commands_as_the_help_does() {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/commands.md");
     let text = std::fs::read_to_string(file).unwrap();
     let commands = commands_of_help();
-    assert_eq!(commands.len(), 17, "{commands:?}");
+    assert_eq!(commands.len(), 18, "{commands:?}");
     let section = text.split("## `litetex`\n").nth(1).unwrap().split("## ").next().unwrap();
     let rows: Vec<(String, String)> = section
         .lines()
@@ -67,7 +67,7 @@ fn completions_and_manual_pages_have_text() {
     assert_eq!(run(&["man", "--out", folder.to_str().unwrap()]).0, 0);
     let train = std::fs::read_to_string(folder.join("litetex-train.1")).unwrap();
     assert!(train.contains("max\\-resolution"), "{train}");
-    assert_eq!(std::fs::read_dir(folder).unwrap().count(), 19); // 17 commands, help, litetex
+    assert_eq!(std::fs::read_dir(folder).unwrap().count(), 20); // 18 commands, help, litetex
 }
 
 #[test]
@@ -82,8 +82,8 @@ fn usage_errors_exit_with_2_and_say_what_to_do() {
         (&["train", here, "-o", "x", "--texture", "fixed:1"], "fixed:R"),
         (&["train", here, "-o", "x", "--set", "sh-degree=4"], "train.sh-degree: found 4"),
         (&["train", here, "-o", "x", "--steps", "0"], "--steps"),
-        (&["train", here, "-o", "x", "--max-time", "soon"], "20m"),
-        (&["train", here, "-o", "x", "--background", "mauve"], "#rrggbb"),
+        (&["train", here, "-o", "x", "--time", "soon"], "20m"),
+        (&["train", here, "-o", "x", "--set", "background=mauve"], "#rrggbb"),
         (&["train", here, "-o", "x", "--init", "magic"], "random:COUNT"),
         (&["train", here, "-o", "x", "--init", "random:10000001"], "10,000,000"),
         (&["train", here, "-o", "x", "--max-resolution", "15"], "expected a whole number from 16 to 65536"),

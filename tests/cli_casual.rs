@@ -73,13 +73,13 @@ fn without_test_views_the_training_views_are_judged() {
     let dir = tempdir().unwrap();
     sample(dir.path(), &["--views", "9", "--stress", "sky"]);
     // Grey, so that splats need not cover a sky that the background already shows in part.
-    let all = ["--test-every", "0", "--init", "sfm", "--set", "backdrop=none", "--background", "#808080"];
+    let all = ["--test-every", "0", "--init", "sfm", "--set", "backdrop=none", "--set", "background=#808080"];
     let bare = train(dir.path(), "bare", &[&all[..], &["--steps", "200"]].concat());
     assert_eq!(warning(&bare, "no-test-figures"), None);
     let message = warning(&bare, "uncovered-pixels").unwrap();
     assert!(message.contains("of the pixels of the training views"), "{message}");
     let covered =
-        train(dir.path(), "covered", &["--test-every", "0", "--background", "#808080", "--steps", "200"]);
+        train(dir.path(), "covered", &["--test-every", "0", "--set", "background=#808080", "--steps", "200"]);
     assert_eq!(warning(&covered, "uncovered-pixels"), None, "negative control");
 
     let table = ok(dir.path(), &["eval", "bare", "--training", "--device", "cpu", "-q"]);
@@ -123,15 +123,15 @@ fn photos_without_poses_and_videos_are_refused_with_what_to_do() {
     archive.start_file("photos/1.jpg", zip::write::SimpleFileOptions::default()).unwrap();
     archive.finish().unwrap();
     for (source, command) in [
-        (".", "magick mogrify -path"),
-        ("a.HEIC", "magick mogrify -path"),
-        ("clip.mp4", "ffmpeg -i"),
-        ("videos", "ffmpeg -i"),
+        (".", "litetex capture"),
+        ("a.HEIC", "litetex capture"),
+        ("clip.mp4", "litetex capture"),
+        ("videos", "litetex capture"),
         ("x.zip", "unpack it"),
     ] {
         let (code, text) = refused(dir.path(), &["train", source, "-o", "run"]);
         assert!([3, 4].contains(&code) && text.contains(command), "{source}: {text}");
-        assert_eq!(text.contains("mkdir"), source != "x.zip", "{source}: {text}");
+        assert_eq!(text.contains("\n  litetex train "), source != "x.zip", "{source}: {text}");
     }
 }
 

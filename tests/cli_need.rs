@@ -21,7 +21,7 @@ fn wall(dir: &Path) -> impl Fn(&str) -> Value {
     let arguments: Vec<&str> = ["sample", &capture].into_iter().chain(sample.split(' ')).collect();
     assert_eq!(run(&arguments).0, 0);
     move |words: &str| {
-        let train = "--steps 300 --seed 1 --device cpu --background #808080 --set backdrop=none --init sfm --set max-points=60 \
+        let train = "--steps 300 --seed 1 --device cpu --set background=#808080 --set backdrop=none --init sfm --set max-points=60 \
                      --force -q";
         let arguments: Vec<&str> = ["train", &capture, "-o", &out, "--test-list", &split]
             .into_iter()

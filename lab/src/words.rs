@@ -1,4 +1,4 @@
-//! Parses what users type for a matrix: names with arguments, seeds, shards.
+//! Parses what users type for a matrix: names with arguments, seeds.
 
 use crate::matrix::{NamedArgs, SceneEntry};
 
@@ -53,18 +53,6 @@ pub fn parse_seeds(text: &str) -> Result<Vec<u64>, String> {
         seeds.extend(from..=to);
     }
     if seeds.len() as u64 > SEEDS_MAX { Err(wrong()) } else { Ok(seeds) }
-}
-
-/// Parses a part such as "2/5" as `(2, 5)`.
-///
-/// # Errors
-/// A message that says what was expected.
-pub fn parse_shard(text: &str) -> Result<(usize, usize), String> {
-    let parts = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
-    match parts {
-        Some((i, n)) if (1..=n).contains(&i) => Ok((i, n)),
-        _ => Err(format!("{text:?}: expected PART/PARTS with PART from 1 to PARTS, for example 1/3")),
-    }
 }
 
 /// Splits at blanks; single or double quotes keep them. Backslashes are ordinary characters, for the sake of Windows
@@ -128,14 +116,10 @@ mod tests {
     }
 
     #[test]
-    fn seeds_and_shards() {
+    fn seeds() {
         assert_eq!(parse_seeds("3, 1,5-7"), Ok(vec![3, 1, 5, 6, 7]));
         for wrong in ["", "1,", "a", "5-3", "-1", "0-18446744073709551615", "1-1000,2000"] {
             assert!(parse_seeds(wrong).is_err(), "{wrong}");
-        }
-        assert_eq!(parse_shard("2/3"), Ok((2, 3)));
-        for wrong in ["", "0/3", "4/3", "1", "1/0", "a/b"] {
-            assert!(parse_shard(wrong).is_err(), "{wrong}");
         }
     }
 }

@@ -85,7 +85,7 @@ fn wrong_input_exits_with_3() {
     ] {
         let (code, stdout, stderr) = run(&arguments);
         assert_eq!(code, 3, "{arguments:?}: {stderr}");
-        assert!(stdout.is_empty() && stderr.starts_with("error: "), "{stderr}");
+        assert!(stdout.is_empty() && stderr.starts_with("error["), "{stderr}");
         parts.iter().for_each(|part| assert!(stderr.contains(part), "{arguments:?}: {stderr}"));
     }
     assert!(!Path::new(&out).exists());

@@ -1,18 +1,11 @@
 //! What to do about photos without poses, videos and formats that we do not read: commands of other programs.
 
-use super::extensions::{self, CONVERTED};
+use super::extensions::{self, DEPTH_MAX, VIDEOS};
 use super::paths;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
-
-/// Extensions of videos, in lower case.
-const VIDEOS: [&str; 12] =
-    ["mp4", "mov", "m4v", "mkv", "avi", "webm", "mts", "m2ts", "3gp", "mpg", "mpeg", "wmv"];
-
-/// Levels of folders in which photos are looked for.
-const DEPTH_MAX: usize = 3;
 
 /// Brands of files in the ISO container (ISO/IEC 14496-12) that hold an image, and the name of their format.
 const BRANDS: [(&[u8; 4], &str); 7] = [
@@ -54,31 +47,16 @@ fn for_photos(folder: &Path) -> Option<String> {
     } else {
         format!("the {count} photos in {} have no poses yet", crate::text::path(&photos))
     };
-    let needs_conversion = |name: &PathBuf| extensions::is_of(name, &CONVERTED);
-    if !found.values().flatten().any(needs_conversion) {
-        return Some(format!("{what}. {}", colmap(folder, &photos)));
-    }
-    let converted = folder.join(if photos == images { "converted" } else { "images" });
-    let mut commands = String::new();
-    for (inner, names) in &found {
-        // Without the slash at the end that joining nothing leaves.
-        let out =
-            converted.join(inner.strip_prefix(&photos).unwrap_or(inner)).components().collect::<PathBuf>();
-        let out = shell_word(&out);
-        commands.push_str(&format!("  mkdir -p {out}\n"));
-        let extensions: BTreeSet<&str> = names.iter().filter_map(|n| n.extension()?.to_str()).collect();
-        for extension in extensions {
-            let files = format!("{}/*.{extension}", shell_word(inner));
-            commands.push_str(&match needs_conversion(&PathBuf::from(format!("a.{extension}"))) {
-                true => format!("  magick mogrify -path {out} -format jpg -quality 95 {files}\n"),
-                false => format!("  cp {files} {out}\n"),
-            });
-        }
-    }
-    Some(format!(
-        "{what}, and not all can be read. Convert them with ImageMagick:\n{commands}{}",
-        colmap(folder, &converted)
-    ))
+    Some(format!("{what}. {}", capture(&photos)))
+}
+
+/// The commands that make a capture of photos or a video, and train it.
+fn capture(source: &Path) -> String {
+    // Beside the source, whose name may end in a dot or a slash.
+    let name = source.file_stem().map_or_else(|| "new".into(), |name| name.to_string_lossy().into_owned());
+    let out = shell_word(&source.with_file_name(format!("{name}-capture")));
+    let source = shell_word(source);
+    format!("Find the poses, and train:\n  litetex capture {source} -o {out}\n  litetex train {out} -o RUN")
 }
 
 /// The photos of a folder and of the folders in it.
@@ -115,18 +93,8 @@ fn first_video(folder: &Path) -> Option<PathBuf> {
 
 /// How to make a capture of a video; `None` if the file is none.
 fn for_video(file: &Path) -> Option<String> {
-    extensions::is_of(file, &VIDEOS).then(|| {
-        let capture = file.with_extension("");
-        let photos = capture.join("images");
-        format!(
-            "{} is a video. Extract photos, two for each second:\n  mkdir -p {}\n  ffmpeg -i {} -vf fps=2 -q:v 2 {}\n{}",
-            crate::text::path(file),
-            shell_word(&photos),
-            shell_word(file),
-            shell_word(&photos.join("%04d.jpg")),
-            colmap(&capture, &photos)
-        )
-    })
+    extensions::is_of(file, &VIDEOS)
+        .then(|| format!("{} is a video. {}", crate::text::path(file), capture(file)))
 }
 
 /// How to convert an image that we do not read; `None` if it is not HEIC or AVIF.
@@ -141,29 +109,8 @@ pub(super) fn for_image(file: &Path) -> Option<String> {
     ))
 }
 
-/// The commands that find the poses of photos and train, with options as COLMAP 3.6 to 3.13 and glomap 1 document them.
-fn colmap(capture: &Path, photos: &Path) -> String {
-    let database = shell_word(&capture.join("database.db"));
-    // `train` finds photos in the folder itself and in its folder "images".
-    let images = photos.strip_prefix(capture).unwrap_or(photos);
-    let images = match images.as_os_str().is_empty() || images == Path::new("images") {
-        true => String::new(),
-        false => format!(" --images {}", shell_word(images)),
-    };
-    let (photos, model) = (shell_word(photos), shell_word(&capture.join("sparse")));
-    let capture = shell_word(capture);
-    format!(
-        "Find the poses with COLMAP (3.6 or newer; \"glomap mapper\" takes the same arguments and is faster), and train:\n  \
-         mkdir -p {model}\n  \
-         colmap feature_extractor --database_path {database} --image_path {photos}\n  \
-         colmap exhaustive_matcher --database_path {database}\n  \
-         colmap mapper --database_path {database} --image_path {photos} --output_path {model}\n  \
-         litetex train {capture}{images} -o RUN"
-    )
-}
-
 /// A path as one word of a POSIX shell; a path that begins like an option gets a folder before it.
-pub(super) fn shell_word(path: &Path) -> String {
+pub(crate) fn shell_word(path: &Path) -> String {
     let mut text = path.display().to_string();
     if text.starts_with('-') {
         text.insert_str(0, "./");
@@ -192,37 +139,20 @@ mod tests {
     }
 
     #[test]
-    fn folders_of_photos_get_the_commands_that_find_poses() {
+    fn folders_of_photos_get_the_commands_that_make_a_capture() {
         assert_eq!(advice(&["images/notes.txt", "clip.txt"]), None, "negative control: no photos");
-        for (names, photos, train) in [
-            (&["a.JPG", "b.png"][..], "F", "litetex train F -o"),
-            (&["images/a.jpg", "images/b.jpg", "thumbnails/a.jpg"], "F/images", "litetex train F -o"),
-            (&["images/a/1.jpg", "images/b/1.jpg"], "F/images", "litetex train F -o"),
-            (&["images/a/1.jpg", "images/a/2.jpg"], "F/images", "litetex train F -o"),
-            (&["my photos/1.jpg", "my photos/2.webp"], "'F/my photos'", "train F --images 'my photos' -o"),
-            (&["day/1.jpg", "night/1.jpg"], "F", "litetex train F -o"),
-            (&["p/1.jpg", "p/2.jpg", "p/._1.jpg", "__MACOSX/p/._2.jpg"], "F/p", "train F --images p -o"),
+        for (names, photos, made) in [
+            (&["a.JPG", "b.png"][..], "F", "F-capture"),
+            (&["images/a.jpg", "images/b.jpg", "thumbnails/a.jpg"], "F/images", "F/images-capture"),
+            (&["images/a/1.jpg", "images/b/1.jpg"], "F/images", "F/images-capture"),
+            (&["my photos/1.jpg", "my photos/2.webp"], "'F/my photos'", "'F/my photos-capture'"),
+            (&["day/1.HEIC", "night/1.jpg"], "F", "F-capture"),
+            (&["p/1.jpg", "p/2.tif", "p/._1.jpg", "__MACOSX/p/._2.jpg"], "F/p", "F/p-capture"),
         ] {
             let text = advice(names).unwrap();
-            assert_eq!(text.matches(&format!("--image_path {photos}")).count(), 2, "{text}");
-            assert!(text.starts_with("the 2 photos in ") && text.contains(train), "{text}");
-            assert!(text.contains("mapper --database_path F/database.db"), "{text}");
-            assert!(!text.contains("magick"), "{text}");
-        }
-    }
-
-    #[test]
-    fn photos_that_are_not_read_are_converted_first() {
-        let text = advice(&["a.HEIC", "b.tiff", "c.jpg"]).unwrap();
-        let commands = "  mkdir -p F/images\n  \
-                        magick mogrify -path F/images -format jpg -quality 95 F/*.HEIC\n  \
-                        cp F/*.jpg F/images\n  \
-                        magick mogrify -path F/images -format jpg -quality 95 F/*.tiff\nFind the poses";
-        assert!(text.contains(commands) && text.contains("--image_path F/images"), "{text}");
-        let text = advice(&["images/a/1.avif", "images/b/1.avif"]).unwrap();
-        for command in ["-path F/converted/a -format", "F/images/b/*.avif\n", "train F --images converted -o"]
-        {
-            assert!(text.contains(command), "{command}: {text}");
+            assert!(text.starts_with("the 2 photos in "), "{text}");
+            let commands = format!("litetex capture {photos} -o {made}\n  litetex train {made} -o RUN");
+            assert!(text.contains(&commands), "{text}");
         }
     }
 
@@ -232,20 +162,17 @@ mod tests {
         let file = folder.path().join("a.HEIC");
         std::fs::write(&file, "").unwrap();
         let text = for_path(&file).unwrap();
-        assert!(text.starts_with("a single photo") && text.contains("mogrify"), "{text}");
+        assert!(text.starts_with("a single photo") && text.contains("litetex capture"), "{text}");
         assert_eq!(for_path(&file.with_extension("zip")), None);
     }
 
     #[test]
-    fn videos_get_the_command_that_extracts_photos() {
+    fn videos_get_the_command_that_makes_a_capture() {
         let text = for_path(Path::new("it's.MOV")).unwrap();
-        assert!(
-            text.contains(r"ffmpeg -i 'it'\''s.MOV' -vf fps=2 -q:v 2 'it'\''s/images/%04d.jpg'"),
-            "{text}"
-        );
+        assert!(text.contains(r"litetex capture 'it'\''s.MOV' -o 'it'\''s-capture'"), "{text}");
         let text = advice(&["notes.txt", "b.3gp", "a.wmv"]).unwrap();
-        assert!(text.contains("ffmpeg -i F/a.wmv") && text.contains("train F/a -o"), "{text}");
-        assert!(!advice(&["a.mp4", "b.jpg"]).unwrap().contains("ffmpeg"), "photos come first");
+        assert!(text.contains("capture F/a.wmv -o F/a-capture"), "{text}");
+        assert!(!advice(&["a.mp4", "b.jpg"]).unwrap().contains("a.mp4"), "photos come first");
     }
 
     #[test]

@@ -9,6 +9,13 @@ pub(crate) const READ: [&str; 5] = ["png", "jpg", "jpeg", "exr", "webp"];
 /// Of photos that have to be converted.
 pub(crate) const CONVERTED: [&str; 5] = ["heic", "heif", "avif", "tif", "tiff"];
 
+/// Of videos, in lower case.
+pub(crate) const VIDEOS: [&str; 12] =
+    ["mp4", "mov", "m4v", "mkv", "avi", "webm", "mts", "m2ts", "3gp", "mpg", "mpeg", "wmv"];
+
+/// Levels of folders in which photos are looked for.
+pub(crate) const DEPTH_MAX: usize = 3;
+
 /// Of other images that poses may name.
 const OTHER: [&str; 24] = [
     "jpe", "jfif", "jp2", "jxl", "bmp", "gif", "tga", "hdr", "ppm", "pgm", "pnm", "dng", "cr2", "cr3", "nef",

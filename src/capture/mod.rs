@@ -7,7 +7,7 @@ mod claims;
 mod decode;
 mod elsewhere;
 mod exr_photo;
-mod extensions;
+pub(crate) mod extensions;
 mod far;
 #[cfg(test)]
 pub(crate) mod fixtures;
@@ -24,7 +24,7 @@ mod loaded;
 mod masks;
 mod options;
 mod overlap;
-mod paths;
+pub(crate) mod paths;
 mod photo_files;
 mod photo_folder;
 mod photos;
@@ -48,6 +48,7 @@ mod warp;
 mod warp_tests;
 mod zipped;
 
+pub(crate) use advice::shell_word;
 pub use decode::read_image;
 pub use formats::ply::read_points as read_ply_points;
 pub use health::SparseHealth;

@@ -204,7 +204,7 @@ impl Preview {
             TrainEvent::Evaluated { step, evaluation, .. } => self.curve.add_psnr(*step, evaluation.psnr),
             TrainEvent::Finished { reason } => {
                 self.training.state = match reason {
-                    StopReason::Steps | StopReason::Time => TrainingState::Finished,
+                    StopReason::Steps => TrainingState::Finished,
                     StopReason::Consumer => TrainingState::Stopped,
                 };
                 self.training.eta_secs = None;

@@ -2,6 +2,8 @@
 //! meaning (`train_job`). No mathematics.
 
 mod asset_args;
+mod batch;
+mod capture;
 mod capture_args;
 mod colour_by;
 mod compare;
@@ -61,11 +63,15 @@ use std::process::ExitCode;
     version,
     max_term_width = 110,
     after_help = "Start with \"litetex quickstart\". Exit codes: 0 success, 1 failed check, 2 usage error, 3 \
-                  invalid input, 4 unsupported, 5 device or run-time failure, 130 interrupted."
+                  invalid input, 4 unsupported, 5 device or run-time failure, 130 interrupted. docs/troubleshooting.md explains \
+                  warning[NAME] and error[NAME]."
 )]
 struct Cli {
     #[command(flatten)]
     common: CommonArgs,
+    /// The capture that a process of "litetex train A B C" trains, from 0
+    #[arg(long, hide = true)]
+    nth: Option<usize>,
     #[command(subcommand)]
     command: Command,
 }
@@ -75,6 +81,7 @@ enum Command {
     Train(Box<train_args::TrainArgs>),
     Eval(eval::EvalArgs),
     Render(render::RenderArgs),
+    Capture(capture::CaptureArgs),
     Sample(sample::SampleArgs),
     #[command(visible_alias = "convert")]
     Export(Box<export::ExportArgs>),
@@ -100,9 +107,10 @@ impl Program for Cli {
 
     fn run(self, log: &Log) -> Result<Output> {
         match self.command {
-            Command::Train(args) => train::run(*args, log),
+            Command::Train(args) => train::run(*args, self.nth, log),
             Command::Eval(args) => eval::run(&args, log),
             Command::Render(args) => render::run(&args, log),
+            Command::Capture(args) => capture::run(&args, log),
             Command::Sample(args) => sample::run(&args, log),
             Command::Export(args) => export::run(&args, log),
             Command::Verify(args) => verify::run(&args, log),

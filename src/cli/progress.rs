@@ -31,7 +31,6 @@ pub struct Progress<'a> {
     log: &'a Log,
     bar: Option<ProgressBar>,
     steps: u32,
-    max_time_secs: Option<f64>,
     /// First step of this process and the training time then; a resumed run has earlier ones.
     origin: Option<(u32, f64)>,
     loss: Option<f64>,
@@ -53,11 +52,17 @@ pub(super) fn bar(log: &Log, length: u64) -> Option<ProgressBar> {
 
 impl<'a> Progress<'a> {
     /// A display for a training to `steps`, of which `done` are done.
-    pub fn new(log: &'a Log, done: u32, steps: u32, max_time_secs: Option<f64>) -> Self {
+    pub fn new(log: &'a Log, done: u32, steps: u32) -> Self {
         let bar = bar(log, steps.into());
         bar.iter().for_each(|bar| bar.set_position(done.into()));
         log.attach_bar(bar.clone());
-        Self { log, bar, steps, max_time_secs, origin: None, loss: None, psnr: None, shown: None }
+        Self { log, bar, steps, origin: None, loss: None, psnr: None, shown: None }
+    }
+
+    /// Takes in another length of the run.
+    pub fn set_steps(&mut self, steps: u32) {
+        self.steps = steps;
+        self.bar.iter().for_each(|bar| bar.set_length(steps.into()));
     }
 
     /// Takes in a step and shows it if it is time to.
@@ -95,8 +100,7 @@ impl<'a> Progress<'a> {
     }
 
     fn show(&self, f: &StepFigures, loss: f64, rate: Option<f64>) {
-        let by_time = self.max_time_secs.map_or(f64::INFINITY, |max| max - f.train_wall_secs);
-        let eta_secs = f.remaining_secs.min(by_time).max(0.0);
+        let eta_secs = f.remaining_secs.max(0.0);
         let memory = process_bytes().map(|(now, _)| now);
         let parts = [
             rate.map(|r| if r >= 10.0 { format!("{r:.0} steps/s") } else { format!("{r:.2} steps/s") }),

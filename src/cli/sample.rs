@@ -4,7 +4,7 @@ use litetex_gs::Result;
 use litetex_gs::console::values::{ImageSize, parse_image_size, parse_whole};
 use litetex_gs::console::{Log, Output, Table, path_text};
 use litetex_gs::run::check_empty;
-use litetex_gs::sample::{NeedScene, SampleOptions, Stress, write_sample};
+use litetex_gs::sample::{NeedScene, SampleOptions, Stress, write_sample, write_video};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -40,6 +40,10 @@ pub struct SampleArgs {
     /// the test photos
     #[arg(long, value_name = "NAME[:LEVEL]", conflicts_with = "stress", long_help = scene_help())]
     scene: Option<NeedScene>,
+    /// Write a video of N frames in place of photos and poses, once around the scene, blurred in two of three frames, for
+    /// "litetex capture"; the poses are in truth/poses.json
+    #[arg(long, value_name = "N", value_parser = parse_whole::<usize>, conflicts_with_all = ["stress", "scene", "text"])]
+    video: Option<usize>,
     /// Also write the sparse model as text
     #[arg(long)]
     text: bool,
@@ -59,7 +63,7 @@ fn stress_help() -> String {
 fn scene_help() -> String {
     format!(
         "Show a scene whose smallest model is known, instead of the still life, to see what models grow to; test.txt \
-         lists the test photos, for --test-list. The colour around it is #808080, for --background. NAME[:LEVEL], with \
+         lists the test photos, for --test-list. The colour around it is #808080, for --set background=. NAME[:LEVEL], with \
          default levels: {}",
         NeedScene::help()
     )
@@ -92,6 +96,16 @@ impl SampleArgs {
 pub fn run(args: &SampleArgs, log: &Log) -> Result<Output> {
     check_empty(&args.dir)?;
     let options = args.options();
+    if let Some(frames) = args.video {
+        log.info(&format!("ray-casting {frames} frames of {} x {}", options.width_px, options.height_px));
+        write_video(&args.dir, &options, frames)?;
+        let file = args.dir.join("video.avi");
+        let mut table = Table::default();
+        table.row("video", file.display());
+        table.row("frames", frames);
+        let found = json!({ "video": path_text(&file), "frames": frames });
+        return Ok(Output::new("litetex-sample/1", found, table));
+    }
     log.info(&format!(
         "ray-casting {} photos of {} x {}",
         options.views, options.width_px, options.height_px

@@ -6,6 +6,7 @@ use super::progress::{Progress, StepFigures};
 use litetex_gs::Result;
 use litetex_gs::console::{Interrupt, Log};
 use litetex_gs::run::Recorder;
+use litetex_gs::text::format_duration;
 use litetex_gs::train::{Control, TrainEvent};
 use std::path::Path;
 
@@ -66,6 +67,11 @@ impl<'a> Session<'a> {
                 .step(StepFigures { step, loss: loss.total, size, train_wall_secs, remaining_secs }),
             TrainEvent::Evaluated { step, evaluation, .. } => {
                 self.progress.evaluated(*step, evaluation.psnr, evaluation.grad_psnr);
+            }
+            &TrainEvent::Planned { step, last_step, remaining } => {
+                self.progress.set_steps(last_step);
+                let left = format_duration(remaining.secs());
+                self.log.detail(&format!("after step {step}: planned to end at step {last_step}, in {left}"));
             }
             TrainEvent::Finished { .. } => self.progress.finish(),
             _ => {}

@@ -85,7 +85,6 @@ fn the_help_states_the_defaults() {
     ] {
         assert_eq!(stated("train", flag), Some(default), "{flag}");
     }
-    assert_eq!(train.background, [0.0; 3], "--background says black");
 }
 
 #[test]

@@ -7,33 +7,55 @@ use super::session::Session;
 use super::sources::load_scene;
 use super::train_args::TrainArgs;
 use super::train_job::TrainJob;
+use super::train_job::{self, Finished};
 use super::train_summary;
-use super::{export, orphan, outputs};
+use super::{batch, export, orphan, outputs};
 use litetex_gs::backend::Backend;
 use litetex_gs::capture::Capture;
 use litetex_gs::console::{Interrupt, Log, Output, device};
 use litetex_gs::memory::machine_bytes;
-use litetex_gs::run::{Recorder, ResourceEstimate, Summary, Workload, fresh_state};
-use litetex_gs::train::{Schedule, StopReason, TrainState, check_limits, train};
+use litetex_gs::run::{Plan, Recorder, ResourceEstimate, Situation, Summary, Workload, fresh_state, measure};
+use litetex_gs::text::{format_count, format_duration};
+use litetex_gs::train::{Schedule, StepCosts, StopReason, Timing, TrainState, check_limits, train_by};
 use litetex_gs::views::{Split, ViewSource as _};
 use litetex_gs::{Error, Report, Result};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Trains and prints the result.
-pub fn run(args: TrainArgs, log: &Log) -> Result<Output> {
+/// Time of a run for which nothing is said, without a GPU and with one.
+const FREE_CPU_SECS: f64 = 15.0 * 60.0;
+const FREE_GPU_SECS: f64 = 5.0 * 60.0;
+
+/// Time from the last step to the exit where nothing was measured.
+const END_SECS: f64 = 2.0;
+
+/// Trains and prints the result. `nth` is the capture of a batch that this process trains.
+pub fn run(mut args: TrainArgs, nth: Option<usize>, log: &Log) -> Result<Output> {
     if args.end_with_stdin {
         orphan::end_with_stdin();
     }
+    match nth {
+        Some(index) => {
+            orphan::stop_with_stdin();
+            batch::narrow(&mut args, index)?;
+        }
+        None if batch::is_batch(&args) => return batch::run(&args, log),
+        None => {}
+    }
+    let mut exports = batch::exports_of(&args)?;
+    let finished = finished_run(&args, log)?;
+    if finished.is_some() {
+        exports.retain(|file| !file.exists());
+    }
     let asset = AssetArgs { force: args.force, ..AssetArgs::default() };
     // Before hours of training, not after.
-    outputs::check(None, &args.export, &asset)?;
-    let FinishedRun { summary, run, live } = train_run(&args, log)?;
+    outputs::check(None, &exports, &asset)?;
+    let FinishedRun { summary, run, live } = finished.map_or_else(|| train_run(&args, log), Ok)?;
     let mut output = train_summary::output(&summary);
-    if !args.export.is_empty() {
+    if !exports.is_empty() {
         let (scene, trained) = load_scene(&run, log)?;
-        let exports = export::write_all((scene, trained.as_ref()), &args.export, &asset, &args.device, log)?;
+        let exports = export::write_all((scene, trained.as_ref()), &exports, &asset, &args.device, log)?;
         output = output.with("exports", exports.output());
     }
     let Some(live) = live else { return Ok(output) };
@@ -41,6 +63,23 @@ pub fn run(args: TrainArgs, log: &Log) -> Result<Output> {
     log.print(output)?;
     live.stay(&run, log)?;
     Ok(Output::default())
+}
+
+/// The run that `--resume-or-start` finds finished, if it does.
+fn finished_run(args: &TrainArgs, log: &Log) -> Result<Option<FinishedRun>> {
+    let (Some(out), Some(Finished { summary, changed })) = (&args.out, train_job::finished(args)?) else {
+        return Ok(None);
+    };
+    log.info(&format!("{}: finished already, and left as it is", out.display()));
+    if !changed.is_empty() {
+        let what = format!(
+            "{}: {} differ from the settings of the finished run, which is left as it is; --force replaces it",
+            out.display(),
+            changed.join(", ")
+        );
+        log.warn("finished-with-other-settings", &what, changed.len());
+    }
+    Ok(Some(FinishedRun { summary, run: out.clone(), live: None }))
 }
 
 /// A run that is done.
@@ -63,11 +102,48 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<FinishedRun> {
     log.report(&capture.report);
     log.info(&capture.held_out());
     let mut report = std::mem::take(&mut capture.report);
-    let capture = Arc::new(capture);
+    let mut capture = Arc::new(capture);
     let resumed = job.resume.as_ref().map(|resume| resume.summary());
-    let state = first_state(&mut job, &capture, &mut report, log)?;
+    let loaded_secs = started.elapsed().as_secs_f64();
+    let mut state = first_state(&mut job, &capture, &mut report, log)?;
     let earlier_secs = state.history.total_wall_secs;
     let mut backend = device::open(&job.device, log)?;
+    let now = || earlier_secs + started.elapsed().as_secs_f64();
+    let is_hardware = backend.device().name != "cpu";
+    if job.is_free {
+        job.config.time_secs = Some(if is_hardware { FREE_GPU_SECS } else { FREE_CPU_SECS });
+    }
+    let threads = rayon::current_num_threads();
+    let costs = if is_hardware { StepCosts::GPU } else { StepCosts::CPU.scaled(1.0 / threads as f64) };
+    let mut timing = Timing { now: &now, deadline_secs: job.config.time_secs, costs, end_secs: END_SECS };
+    if let Some(time_secs) = job.config.time_secs.filter(|_| state.step == 0 && resumed.is_none()) {
+        let trial = measure(backend.as_mut(), &*capture, &state.model, &job.config.train, &now)?;
+        let train_views = capture.indices(Split::Train);
+        let sizes: Vec<_> = train_views.iter().map(|&view| capture.camera(view).pinhole).collect();
+        let views = train_views.len();
+        let situation = Situation {
+            time_secs,
+            gone_secs: now(),
+            reload_secs: loaded_secs,
+            trial,
+            splats: state.model.num_splats(),
+            views: [views, capture.num_views() - views],
+            side_px: sizes.iter().map(|size| size.width_px.max(size.height_px)).max().unwrap_or(1),
+            pixels: sizes.iter().map(|size| size.num_pixels() as f64).sum::<f64>() / views.max(1) as f64,
+            keeps_size: args.capture_args.max_resolution.is_some(),
+            threads: threads as f64,
+        };
+        let plan = situation.plan(&job.config.train)?;
+        (timing.costs, timing.end_secs) = (trial.costs, plan.end_secs);
+        job.config.train.steps = plan.steps;
+        if let Some(side) = plan.max_resolution {
+            job.config.capture.max_resolution = side;
+            capture = Arc::new(Capture::load(job.config.data()?, &job.config.capture)?);
+        }
+        // The budget follows from the steps, the model from both.
+        state = fresh_state(&capture, &mut job.config, &mut Report::default())?;
+        say_plan(&job, &situation, plan, log);
+    }
     check_memory(&job, backend.as_ref(), &capture, &state, &mut report, log)?;
     // Before the folder is made: a run that cannot be made leaves nothing behind.
     check_limits(&job.config.train, backend.as_ref(), &*capture, &state.model)?;
@@ -85,12 +161,13 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<FinishedRun> {
     let total_secs = move || earlier_secs + started.elapsed().as_secs_f64();
     let interrupt = Interrupt::listen(log, "saving the run")?;
     let recorder = Recorder::new(&folder, &*capture, &job.config, state.step, total_secs)?;
-    let progress = Progress::new(log, state.step, job.config.train.steps, job.config.train.max_time_secs);
+    let progress = Progress::new(log, state.step, job.config.train.last_step());
     let mut session = Session::new(recorder, progress, log, interrupt);
     let follow = |live: &LiveView| live.follow(&folder, &capture, &job.config, log);
     session.preview = live.as_ref().map(follow).transpose()?;
-    let outcome =
-        train(&job.config.train, backend.as_mut(), &*capture, state, &mut |event| session.handle(event));
+    let outcome = train_by(&timing, &job.config.train, backend.as_mut(), &*capture, state, &mut |event| {
+        session.handle(event)
+    });
     session.preview = None;
     let (state, reason) = outcome.inspect_err(|_| session.report_how_to_continue(folder.root()))?;
     let summary = session.recorder.finish(backend.as_mut(), &capture, (&state, reason), resumed, report)?;
@@ -105,6 +182,30 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<FinishedRun> {
         return Err(Error::Interrupted);
     }
     Ok(FinishedRun { summary, run: job.out, live })
+}
+
+/// Says what was chosen for the time, and how to get more.
+fn say_plan(job: &TrainJob, situation: &Situation, plan: Plan, log: &Log) {
+    let side_px = plan.max_resolution.unwrap_or(situation.side_px);
+    let budget = job.config.train.budget.max_params;
+    let budget =
+        budget.map_or(String::new(), |most| format!(", at most {} parameters", format_count(most as u64)));
+    let more = match job.is_free {
+        true => "; for more: --time 1h, or --steps and --max-resolution",
+        false => "",
+    };
+    log.event(
+        "plan",
+        &format!(
+            "planned for {}: about {} steps at {side_px} px{budget}, done in about {}{more}",
+            format_duration(situation.time_secs),
+            format_count(plan.steps.into()),
+            format_duration(plan.done_secs - situation.gone_secs)
+        ),
+        serde_json::json!({ "time_secs": situation.time_secs, "gone_secs": situation.gone_secs, "steps": plan.steps,
+            "side_px": side_px, "done_secs": plan.done_secs, "end_secs": plan.end_secs, "budget_params":
+            job.config.train.budget.max_params }),
+    );
 }
 
 /// The state to train from: that of a checkpoint, or a new one.
@@ -130,7 +231,7 @@ fn check_memory(
     report: &mut Report,
     log: &Log,
 ) -> Result<()> {
-    let steps_left = job.config.train.steps.saturating_sub(state.step);
+    let steps_left = job.config.train.last_step().saturating_sub(state.step);
     let on_cpu = backend.device().name == "cpu";
     let workload = Workload::new(&state.model, capture, &job.config.train, steps_left, on_cpu);
     let estimate = ResourceEstimate::new(&workload, &job.config.train);

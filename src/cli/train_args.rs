@@ -1,11 +1,12 @@
 //! Arguments of `litetex train`, and how they change the settings of a run.
 
 use super::capture_args::{CaptureArgs, set, set_some};
-use super::training_values::{Background, View, parse_background, parse_view};
+use super::training_values::{View, parse_view};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use litetex_gs::console::values::{parse_count, parse_decibels, parse_duration_secs, parse_whole, whole};
+use litetex_gs::console::values::{
+    parse_count, parse_decibels, parse_duration_secs, parse_shard, parse_whole, whole,
+};
 use litetex_gs::run::{InitSource, Profile, Purpose, RunConfig};
-use litetex_gs::train::density::Components;
 use litetex_gs::train::{Policy, policies};
 use litetex_gs::{Error, Result};
 use std::path::PathBuf;
@@ -35,9 +36,10 @@ fn purpose_parser() -> impl TypedValueParser<Value = Purpose> {
 #[derive(clap::Args, Clone, Debug, Default)]
 #[command(args_override_self = true)]
 pub struct TrainArgs {
-    /// Folder of the capture
-    pub capture: Option<PathBuf>,
-    /// Folder of the run
+    /// Folder or ZIP archive of the capture; several are trained one after the other, each in a process of its own
+    #[arg(value_name = "CAPTURE")]
+    pub captures: Vec<PathBuf>,
+    /// Folder of the run; of several captures, the folder of the runs, named after the captures, and of their table
     #[arg(long, short, value_name = "RUN")]
     pub out: Option<PathBuf>,
     /// Replace the run in the folder and the files of --export; other files are kept. With --resume CHECKPOINT in the
@@ -47,10 +49,18 @@ pub struct TrainArgs {
     /// Continue a run from its last checkpoint, or from a given one [default: the run of --out]
     #[arg(long, value_name = "RUN|CHECKPOINT", num_args = 0..=1)]
     pub resume: Option<Option<PathBuf>>,
+    /// Continue the run in the folder if it is unfinished, leave it if it is finished, else start it. The command of a batch may be
+    /// repeated with this until all is done
+    #[arg(long, conflicts_with_all = ["resume", "force"])]
+    pub resume_or_start: bool,
+    /// Train only this part of several captures: 1/3, 2/3 and 3/3 divide them among three machines
+    #[arg(long, value_name = "PART/PARTS", value_parser = parse_shard)]
+    pub shard: Option<(usize, usize)>,
     /// File of settings like a run's config.toml; flags override it, and it overrides the defaults
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
-    /// Also write the trained scene as an asset; several files may follow. "litetex export" has more options
+    /// Also write the trained scene as an asset; several files may follow. {name} stands for the name of the run's folder, {run}
+    /// for its path: pages/{name}.html. "litetex export" has more options
     #[arg(long, value_name = "FILE", num_args = 1..)]
     pub export: Vec<PathBuf>,
     /// Show the model in the browser while it trains, and its result until Ctrl-C; costs 3 % of the time at most. With "=no-open",
@@ -77,9 +87,11 @@ pub struct TrainingArgs {
     /// Number of steps; all schedules scale with it [default: 30000]
     #[arg(long, visible_alias = "iterations", value_name = "N", value_parser = whole::<u32>(1..=u64::MAX))]
     pub steps: Option<u32>,
-    /// Stop early after this much training time: 90s, 20m, 1h30m [default: no limit]
-    #[arg(long, value_name = "TIME", value_parser = parse_duration_secs)]
-    pub max_time: Option<f64>,
+    /// Time from start to exit, --export not counted: 90s, 20m, 1h30m. Steps and image size are chosen for this device; the
+    /// run's config.toml repeats them without a clock [default, without --steps, --config and a published profile: 15m
+    /// without a GPU, 5m with one]
+    #[arg(long, value_name = "TIME", value_parser = parse_duration_secs, conflicts_with_all = ["steps", "config"])]
+    pub time: Option<f64>,
     /// Seed of all random numbers [default: 42]
     #[arg(long, value_name = "N", value_parser = parse_whole::<u64>)]
     pub seed: Option<u64>,
@@ -91,11 +103,8 @@ pub struct TrainingArgs {
     pub purpose: Option<Purpose>,
     #[arg(long, alias = "texture", value_name = "POLICY", help = policy_help())]
     pub policy: Option<Policy>,
-    /// Parts of the method to switch off: scheduler, pruning, growth, update-rule, splitting, coarsening
-    #[arg(long, value_name = "PART,...", value_delimiter = ',', value_parser = Components::NAMES)]
-    pub without: Vec<String>,
-    /// Any setting of config.toml by name, such as sh-degree=2, exposure=affine, budget.max-splats=50000, eval-every=1000, save-every=5000,
-    /// save-images=none, capture.mask-invert=true or density.quantile=0.8; may be repeated
+    /// Any setting of config.toml by name, such as sh-degree=2, background=white, exposure=affine, components.pruning=false,
+    /// budget.max-splats=50000, eval-every=1000, save-every=5000, save-images=none or capture.mask-invert=true; may be repeated
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub settings: Vec<String>,
     /// Largest number of parameters, such as 500k or 5M: a splat has 58 at SH degree 3 and 22 at degree 1, a texture map 2 and 3 per texel
@@ -108,13 +117,17 @@ pub struct TrainingArgs {
     /// (the capture's only), ply:FILE, random:N [default: auto]
     #[arg(long, value_name = "SOURCE")]
     pub init: Option<InitSource>,
-    /// Colour of the background: black, white, #rrggbb, r,g,b from 0 to 1, or random (a new colour in each step, so that
-    /// transparent parts of photos stay empty; test images and exports have black) [default: black]
-    #[arg(long, value_name = "COLOUR", value_parser = parse_background)]
-    pub background: Option<Background>,
 }
 
 impl TrainArgs {
+    /// Whether nothing says how long the training should be.
+    pub fn says_no_length(&self) -> bool {
+        let t = &self.training;
+        let is_usual = t.profile.is_none_or(|profile| profile == Profile::Default);
+        let sets_steps = t.settings.iter().any(|setting| setting.trim_start().starts_with("steps"));
+        t.steps.is_none() && t.time.is_none() && self.config.is_none() && is_usual && !sets_steps
+    }
+
     /// Overwrites the settings of `config` whose flags were given.
     ///
     /// # Errors
@@ -133,22 +146,18 @@ impl TrainArgs {
             config.train.density.prune_db = need;
         }
         set_some(&mut config.train.budget.max_params, &t.budget_params);
-        set(&mut config.train.steps, t.steps);
+        if let Some(steps) = t.steps {
+            // A number of steps is a plan of its own.
+            config.train.steps = steps;
+            config.train.plan.clear();
+            config.time_secs = None;
+        }
+        set_some(&mut config.time_secs, &t.time);
         set(&mut config.train.seed, t.seed);
         set(&mut config.train.policy, t.policy);
-        for name in &t.without {
-            if let Some(switch) = config.train.components.switch(name) {
-                *switch = false;
-            }
-        }
-        if let Some(background) = t.background {
-            config.train.random_background = background == Background::Random;
-            config.train.background = background.in_images();
-        }
         set(&mut config.init, t.init.clone());
-        set_some(&mut config.train.max_time_secs, &t.max_time);
-        if self.capture.is_some() {
-            config.data.clone_from(&self.capture);
+        if let Some(capture) = self.captures.first() {
+            config.data = Some(capture.clone());
         }
         self.capture_args.apply(&mut config.capture);
         for setting in &t.settings {
@@ -187,8 +196,10 @@ mod tests {
     #[test]
     fn a_profile_resets_settings_of_an_earlier_profile() {
         let fresh = |flags: &str| over(RunConfig::default(), flags).unwrap();
-        for first in ["paper", "authors", "cat", "fast"] {
-            let before = fresh(&format!("--profile {first} --without pruning --steps 77 --budget-params 5k"));
+        for first in ["paper", "authors", "cat"] {
+            let before = fresh(&format!(
+                "--profile {first} --set components.pruning=false --steps 77 --budget-params 5k"
+            ));
             assert_ne!(
                 before.train,
                 fresh("--steps 77 --budget-params 5k").train,
@@ -212,7 +223,11 @@ mod tests {
             assert!(error.exit_code() == 2 && error.to_string().contains(part), "{error}");
         };
         refused("--policy cat", "--profile cat");
-        let without = over(RunConfig::default(), "--without growth,pruning").unwrap().train.components;
+        let without =
+            over(RunConfig::default(), "--set components.growth=false --set components.pruning=false")
+                .unwrap()
+                .train
+                .components;
         assert!(!without.growth && !without.pruning && without.splitting);
     }
 
@@ -239,6 +254,25 @@ mod tests {
             let parsed = Line::try_parse_from(["train"].into_iter().chain(wrong.split_whitespace()));
             assert!(parsed.is_err(), "{wrong}");
         }
+    }
+
+    #[test]
+    fn backgrounds_have_names() {
+        let of = |setting: &str| {
+            over(RunConfig::default(), &format!("--set {setting}")).map(|c| c.train.background)
+        };
+        for (setting, colour) in [
+            ("background=white", [1.0; 3]),
+            ("background=#ff0000", [1.0, 0.0, 0.0]),
+            ("background=[0.5,0.5,0.5]", [0.5; 3]),
+            ("background=0.5,0.5,0.5", [0.5; 3]),
+        ] {
+            assert_eq!(of(setting).unwrap(), colour, "{setting}");
+        }
+        for wrong in ["background=mauve", "background=[0,2,0]", "background=3"] {
+            assert_eq!(of(wrong).unwrap_err().exit_code(), 2, "{wrong}");
+        }
+        assert!(over(RunConfig::default(), "--set random-background=true").unwrap().capture.keep_alpha);
     }
 
     #[test]

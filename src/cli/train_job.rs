@@ -4,8 +4,8 @@ use super::train_args::TrainArgs;
 use litetex_gs::capture::Capture;
 use litetex_gs::console::Log;
 use litetex_gs::run::{
-    Resumed, RunConfig, RunFolder, RunLock, checkpoints_after, config_of, find_checkpoint, holds_checkpoint,
-    run_of_checkpoint,
+    Resumed, RunConfig, RunFolder, RunLock, RunState, Summary, checkpoints_after, config_of, find_checkpoint,
+    holds_checkpoint, run_of_checkpoint,
 };
 use litetex_gs::train::{TrainState, checkpoint};
 use litetex_gs::verify::CaptureIdentity;
@@ -22,6 +22,8 @@ pub struct TrainJob {
     pub force: bool,
     pub device: String,
     pub resume: Option<Resume>,
+    /// Whether nothing says how long it should be, so that the device decides.
+    pub is_free: bool,
     /// The lock of the folder, taken as soon as it is known to hold a run.
     lock: Option<RunLock>,
 }
@@ -45,7 +47,8 @@ impl TrainJob {
     /// # Errors
     /// [`Error::Usage`] for arguments that contradict each other or a folder that may not be used; what reading found.
     pub fn plan(args: &TrainArgs) -> Result<Self> {
-        let mut resumed = resume_source(args)?.map(|path| Resume::load(&path)).transpose()?;
+        let state = run_state(args)?;
+        let mut resumed = resume_source(args, &state)?.map(|path| Resume::load(&path)).transpose()?;
         let before = resumed.as_ref().map(|(_, config)| config);
         let config = resolve_config(args, before)?;
         let out = match (&args.out, &resumed) {
@@ -63,6 +66,8 @@ impl TrainJob {
             resume.changed = config.shaping_differences(before)?;
         }
         let resume = resumed.map(|(resume, _)| resume);
+        // A run that was killed before its first checkpoint leaves nothing to keep.
+        let force = args.force || matches!(state, RunState::Unfinished { is_saved: false, .. });
         if let Some(resume) = resume.as_ref().filter(|resume| resume.in_place) {
             // Before looking for later checkpoints, which a running training may be about to write.
             lock = Some(RunLock::take(&out)?);
@@ -71,9 +76,10 @@ impl TrainJob {
             }
         } else {
             check_apart(resume.as_ref(), &out)?;
-            RunFolder::check_free(&out, args.force)?;
+            RunFolder::check_free(&out, force)?;
         }
-        Ok(Self { config, out, force: args.force, device: args.device.clone(), resume, lock })
+        let is_free = resume.is_none() && args.says_no_length();
+        Ok(Self { is_free, config, out, force, device: args.device.clone(), resume, lock })
     }
 
     /// Makes or opens the folder of the run, after which the run of an earlier training may be gone.
@@ -119,10 +125,10 @@ impl Resume {
                 "{name}: a resumed run keeps the value of its checkpoint; start a new run to change it"
             ));
         }
-        if self.state.step > config.train.steps {
+        if self.state.step > config.train.last_step() {
             return Err(usage!(
                 "--steps {}: the checkpoint is already at step {}",
-                config.train.steps,
+                config.train.last_step(),
                 self.state.step
             ));
         }
@@ -161,9 +167,47 @@ impl Resume {
     }
 }
 
+/// A run that `--resume-or-start` finds finished.
+pub struct Finished {
+    pub summary: Summary,
+    /// Settings that shape the result and differ from those that the arguments ask for.
+    pub changed: Vec<String>,
+}
+
+/// The finished run that is left as it is, if there is one.
+///
+/// # Errors
+/// [`Error::Usage`] if it is of another capture, or for wrong arguments.
+pub fn finished(args: &TrainArgs) -> Result<Option<Finished>> {
+    let RunState::Finished { config, summary } = run_state(args)? else { return Ok(None) };
+    let changed = resolve_config(args, Some(&config))?.shaping_differences(&config)?;
+    Ok(Some(Finished { summary: *summary, changed }))
+}
+
+/// Refuses settings that no run can have.
+///
+/// # Errors
+/// [`Error::Usage`], [`Error::InvalidInput`] for the file of `--config`.
+pub fn check_settings(args: &TrainArgs) -> Result<()> {
+    resolve_config(args, None).map(drop)
+}
+
+/// The state of the run in the output folder, where it matters.
+fn run_state(args: &TrainArgs) -> Result<RunState> {
+    let Some(out) = args.out.as_deref().filter(|_| args.resume_or_start) else { return Ok(RunState::None) };
+    let state = RunState::of(out)?;
+    if let Some(capture) = args.captures.first() {
+        state.check_capture(out, capture)?;
+    }
+    Ok(state)
+}
+
 /// The run or checkpoint to continue, if any.
-fn resume_source(args: &TrainArgs) -> Result<Option<PathBuf>> {
+fn resume_source(args: &TrainArgs, state: &RunState) -> Result<Option<PathBuf>> {
     match (&args.resume, &args.out) {
+        (None, Some(out)) if matches!(state, RunState::Unfinished { is_saved: true, .. }) => {
+            Ok(Some(out.clone()))
+        }
         (None, _) => Ok(None),
         (Some(Some(path)), _) | (Some(None), Some(path)) => Ok(Some(path.clone())),
         (Some(None), None) => Err(usage!("--resume: name the run here or with --out")),
@@ -175,6 +219,7 @@ fn resolve_config(args: &TrainArgs, before: Option<&RunConfig>) -> Result<RunCon
     let mut config = match (&args.config, before) {
         (Some(file), before) => {
             let mut config = RunConfig::read(file)?;
+            config.time_secs = None;
             if let (None, Some(before)) = (&config.data, before) {
                 config.data.clone_from(&before.data);
             }

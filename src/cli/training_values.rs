@@ -1,36 +1,5 @@
 //! Values of `litetex train` as typed.
 
-use litetex_gs::console::values::parse_colour;
-
-/// `--background` of a training run.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Background {
-    /// This colour, display space.
-    Colour([f32; 3]),
-    /// Another one in each step.
-    Random,
-}
-
-impl Background {
-    /// Behind rendered images, display space.
-    pub fn in_images(self) -> [f32; 3] {
-        match self {
-            Self::Colour(colour) => colour,
-            Self::Random => [0.0; 3],
-        }
-    }
-}
-
-/// Reads a background: "random", or a colour as [`parse_colour`] does.
-pub fn parse_background(text: &str) -> Result<Background, String> {
-    match text {
-        "random" => Ok(Background::Random),
-        _ => parse_colour(text)
-            .map(Background::Colour)
-            .map_err(|wrong| wrong.replace("expected black", "expected random, black")),
-    }
-}
-
 /// How the page of a training is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum View {
@@ -57,13 +26,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pages_and_backgrounds_are_parsed() {
+    fn pages_are_parsed() {
         assert_eq!(["no-open", "8000"].map(parse_view), [Ok(View::Address), Ok(View::Port(8000))]);
         for wrong in ["0", "65536", "yes"] {
             assert!(parse_view(wrong).unwrap_err().contains("a port from 1"), "{wrong}");
         }
-        assert_eq!(parse_background("random"), Ok(Background::Random));
-        assert_eq!(parse_background("white"), Ok(Background::Colour([1.0; 3])));
-        assert!(parse_background("rainbow").unwrap_err().contains("expected random, black"));
     }
 }

@@ -50,7 +50,7 @@ pub fn enter<P: Program>() -> ExitCode {
             ExitCode::from(Error::Interrupted.exit_code())
         }
         Err(error) => {
-            log.error(&error.to_string());
+            log.error(&error);
             ExitCode::from(error.exit_code())
         }
     }

@@ -77,6 +77,14 @@ impl Interrupt {
         self.0.requested.load(Ordering::SeqCst)
     }
 
+    /// As if Ctrl-C had been pressed. Where nobody listens there is nothing to save, and the process ends.
+    pub fn request_or_exit() {
+        match LISTENING.get() {
+            Some(interrupt) => interrupt.0.requested.store(true, Ordering::SeqCst),
+            None => std::process::exit(130),
+        }
+    }
+
     /// As if Ctrl-C had been pressed.
     #[cfg(test)]
     pub fn request(&self) {

@@ -4,8 +4,8 @@ use super::output::Output;
 use crate::text::printable;
 use indicatif::ProgressBar;
 use serde_json::{Value, json};
-use std::cell::RefCell;
 use std::io::Write;
+use std::sync::{Mutex, PoisonError};
 
 /// Form of the messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -23,13 +23,13 @@ pub struct Log {
     verbosity: u8,
     prints_json: bool,
     /// A progress bar that is hidden while a message is written.
-    bar: RefCell<Option<ProgressBar>>,
+    bar: Mutex<Option<ProgressBar>>,
 }
 
 impl Log {
     /// A log of messages in one form; `quiet` leaves errors and warnings.
     pub fn new(format: LogFormat, quiet: bool, verbosity: u8) -> Self {
-        Self { format, quiet, verbosity, prints_json: false, bar: RefCell::new(None) }
+        Self { format, quiet, verbosity, prints_json: false, bar: Mutex::new(None) }
     }
 
     /// The same, whose reports are JSON.
@@ -62,17 +62,19 @@ impl Log {
 
     /// Shares the terminal with a progress bar, or with none any more.
     pub fn attach_bar(&self, bar: Option<ProgressBar>) {
-        *self.bar.borrow_mut() = bar;
+        *self.bar.lock().unwrap_or_else(PoisonError::into_inner) = bar;
     }
 
     /// Writes what ended the command.
-    pub fn error(&self, message: &str) {
-        self.write("error", &format!("error: {message}"), json!({ "message": message }));
+    pub fn error(&self, error: &crate::Error) {
+        let (kind, message) = (error.kind(), error.to_string());
+        let text = format!("error[{kind}]: {message}");
+        self.write("error", &text, json!({ "code": kind, "message": message }));
     }
 
     /// Writes a problem that does not end the command.
     pub fn warn(&self, code: &str, message: &str, count: usize) {
-        let text = format!("warning: {message}");
+        let text = format!("warning[{code}]: {message}");
         self.write("warning", &text, json!({ "code": code, "message": message, "count": count }));
     }
 
@@ -102,6 +104,11 @@ impl Log {
         }
     }
 
+    /// Passes on a line that the process of a run has written, under the name of the run.
+    pub fn relay(&self, run: &str, line: &str) {
+        write_line(&relayed(self.format, run, line));
+    }
+
     fn write(&self, event: &str, text: &str, mut fields: Value) {
         let line = match self.format {
             // Errors of parsers have several lines; nothing else may move the cursor.
@@ -112,14 +119,45 @@ impl Log {
             }
         };
         let print = || write_line(&line);
-        match &*self.bar.borrow() {
+        match &*self.bar.lock().unwrap_or_else(PoisonError::into_inner) {
             Some(bar) => bar.suspend(print),
             None => print(),
         }
     }
 }
 
+/// A line of another process, with the name of the run that it is about.
+fn relayed(format: LogFormat, run: &str, line: &str) -> String {
+    let text = || format!("[{}] {line}", printable(run, &[]));
+    match (format, serde_json::from_str::<Value>(line)) {
+        (LogFormat::Json, Ok(mut event)) if event.is_object() => {
+            event["run"] = json!(run);
+            event.to_string()
+        }
+        // What a crash writes is no JSON.
+        (LogFormat::Json, _) => json!({ "event": "said", "run": run, "message": line }).to_string(),
+        (LogFormat::Text, _) => text(),
+    }
+}
+
 /// Writes a line to standard error; if that is closed there is no one to report it to.
 pub fn write_line(line: &str) {
     let _ = writeln!(std::io::stderr(), "{line}");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_of_other_processes_name_their_run() {
+        assert_eq!(relayed(LogFormat::Text, "fox", "step 1/3"), "[fox] step 1/3");
+        let json =
+            |line: &str| serde_json::from_str::<Value>(&relayed(LogFormat::Json, "fox", line)).unwrap();
+        assert_eq!(
+            json(r#"{"event":"progress","step":1}"#),
+            json!({"event":"progress","step":1,"run":"fox"})
+        );
+        assert_eq!(json("thread panicked"), json!({"event":"said","run":"fox","message":"thread panicked"}));
+    }
 }

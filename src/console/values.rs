@@ -103,26 +103,12 @@ pub fn parse_number(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|x: &f64| x.is_finite()).ok_or_else(|| "expected a number".to_owned())
 }
 
-/// Reads a colour, display space: "black", "white", "#rrggbb" or "r,g,b" with numbers from 0 to 1.
-pub fn parse_colour(text: &str) -> Result<[f32; 3], String> {
-    let wrong = || "expected black, white, #rrggbb or r,g,b with numbers from 0 to 1".to_owned();
-    match text {
-        "black" => return Ok([0.0; 3]),
-        "white" => return Ok([1.0; 3]),
-        _ => {}
-    }
-    if let Some(hex) = text.strip_prefix('#') {
-        if hex.len() != 6 || !hex.is_ascii() {
-            return Err(wrong());
-        }
-        let value = u32::from_str_radix(hex, 16).map_err(|_| wrong())?;
-        return Ok([16, 8, 0].map(|shift| ((value >> shift) & 255) as f32 / 255.0));
-    }
-    let numbers: Vec<f32> =
-        text.split(',').map(|part| part.trim().parse().map_err(|_| wrong())).collect::<Result<_, _>>()?;
-    match numbers[..] {
-        [r, g, b] if numbers.iter().all(|x| (0.0..=1.0).contains(x)) => Ok([r, g, b]),
-        _ => Err(wrong()),
+/// Reads a part of a list such as "2/5", as `(2, 5)`.
+pub fn parse_shard(text: &str) -> Result<(usize, usize), String> {
+    let parts = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
+    match parts {
+        Some((i, n)) if (1..=n).contains(&i) => Ok((i, n)),
+        _ => Err("expected PART/PARTS with PART from 1 to PARTS, for example 1/3".to_owned()),
     }
 }
 
@@ -205,12 +191,10 @@ mod tests {
     }
 
     #[test]
-    fn colours() {
-        assert_eq!(parse_colour("white"), Ok([1.0; 3]));
-        assert_eq!(parse_colour("#ff0033"), Ok([1.0, 0.0, 0.2]));
-        assert_eq!(parse_colour("0, 0.5,1"), Ok([0.0, 0.5, 1.0]));
-        for wrong in ["", "red", "#ff00", "#ééé", "1,2,3", "0,0", "0,0,nan"] {
-            assert!(parse_colour(wrong).is_err(), "{wrong}");
+    fn shards_are_parsed() {
+        assert_eq!([parse_shard("2/3"), parse_shard("1/1")], [Ok((2, 3)), Ok((1, 1))]);
+        for wrong in ["", "0/3", "4/3", "1", "1/0", "a/b", "-1/3", "1/3/3"] {
+            assert!(parse_shard(wrong).is_err(), "{wrong}");
         }
     }
 

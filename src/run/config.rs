@@ -11,11 +11,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// Settings that do not shape the trained model, or follow from others.
-const NOT_SHAPING: [&str; 10] = [
+const NOT_SHAPING: [&str; 11] = [
     "version",
     "profile",
     "save-images",
-    "train.max-time-secs",
+    "time-secs",
+    "train.plan",
     "train.eval-every",
     "train.save-every",
     "train.random-start",
@@ -42,6 +43,10 @@ pub struct RunConfig {
     pub data: Option<PathBuf>,
     /// Profile that the settings below started from; a record, they are resolved already.
     pub profile: Profile,
+    /// Time that the run was planned for, from start to exit; a run that was interrupted goes on with what is left of it.
+    /// The settings of `--config` have none: their plan stands.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub time_secs: Option<f64>,
     /// Where splats start.
     pub init: InitSource,
     /// At most this many points become splats; more are thinned at random.
@@ -222,8 +227,9 @@ impl RunConfig {
             // The photo's exposure acts on what lies before the background only.
             return Err("train.random-background: not with train.exposure".to_owned());
         }
-        if t.max_time_secs.is_some_and(|s| !s.is_finite() || s <= 0.0) {
-            return Err("train.max-time-secs: expected a positive number".to_owned());
+        t.check_plan()?;
+        if self.time_secs.is_some_and(|secs| !secs.is_finite() || secs <= 0.0) {
+            return Err("time-secs: expected a positive number".to_owned());
         }
         let r = &t.rates;
         let positions = [
@@ -310,7 +316,7 @@ mod tests {
             init: InitSource::Random(500),
             ..RunConfig::default()
         };
-        config.train.max_time_secs = Some(0.1);
+        config.train.plan = vec![[3, 40], [5, 60]];
         config.train.background = [0.1, 0.2, 1.0];
         config.capture.background = config.train.background;
         config.train.policy = Policy::None;
@@ -339,7 +345,7 @@ mod tests {
             settings.iter().for_each(|setting| now.set(setting).unwrap());
             now.shaping_differences(&before).unwrap()
         };
-        let others = ["eval-every=7", "save-every=7", "max-time-secs=7.0", "capture.image-cache-bytes=7"];
+        let others = ["eval-every=7", "save-every=7", "capture.image-cache-bytes=7"];
         assert_eq!(differences(&others), [""; 0]);
         for setting in ["seed=7", "policy=plain", "sh-degree=1", "rates.texel=1.0", "capture.test-every=7"] {
             assert_eq!(differences(&[setting]), [setting.split('=').next().unwrap()]);
@@ -385,7 +391,7 @@ mod tests {
             ("[train]\nbackground = [0, 2, 0]", "train.background"),
             ("[train]\nrandom-background = true\nbackground = [1, 1, 1]", "train.background"),
             ("[train]\nrandom-background = true\nexposure = \"affine\"", "train.exposure"),
-            ("[train]\nmax-time-secs = -1", "max-time-secs"),
+            ("[train]\nsteps = 9\nplan = [[9, 12]]", "train.plan"),
             ("[train]\npolicy = \"fixed:1\"", "fixed:R"),
             ("init = \"magic\"", "random:COUNT"),
             ("init = \"random:0\"", "10,000,000"),

@@ -63,7 +63,8 @@ impl Recorder<'_> {
     ) -> Result<Summary> {
         let config = self.config;
         let train = &config.train;
-        let schedule = Schedule::new(train, capture.indices(Split::Train).len());
+        let mut schedule = Schedule::new(train, capture.indices(Split::Train).len());
+        schedule = self.plan.iter().fold(schedule, |now, &change| now.changed(change));
         let fps = match reason {
             StopReason::Consumer => None,
             _ => measure_fps(backend, capture, state, train.background)?,
@@ -83,7 +84,7 @@ impl Recorder<'_> {
             device: backend.device(),
             seed: train.seed,
             steps: state.step,
-            steps_planned: train.steps,
+            steps_planned: self.last_step(),
             profile: config.profile,
             policy: train.policy,
             components: train.active_components(),

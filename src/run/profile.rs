@@ -22,13 +22,11 @@ pub enum Profile {
     Authors,
     /// Content-aware texturing (CAT), the method's predecessor.
     Cat,
-    /// Faster, at slightly lower quality.
-    Fast,
 }
 
 impl Profile {
     /// All profiles.
-    pub const ALL: [Self; 5] = [Self::Default, Self::Paper, Self::Authors, Self::Cat, Self::Fast];
+    pub const ALL: [Self; 4] = [Self::Default, Self::Paper, Self::Authors, Self::Cat];
 
     /// One line for people.
     pub fn help(self) -> &'static str {
@@ -40,7 +38,6 @@ impl Profile {
                  ceilings; its crops, interval and initial maps are not reproduced"
             }
             Self::Cat => "Content-aware texturing (CAT), the method's predecessor",
-            Self::Fast => "Faster, at slightly lower quality",
         }
     }
 
@@ -51,7 +48,6 @@ impl Profile {
             Self::Paper => "paper",
             Self::Authors => "authors",
             Self::Cat => "cat",
-            Self::Fast => "fast",
         }
     }
 
@@ -128,11 +124,6 @@ impl Profile {
                     alpha_texture: 0.05,
                     ..paper()
                 };
-            }
-            Self::Fast => {
-                // Images stay small for longer: until step 27,000 of the schedule's 30,000. Splats are split and maps refined at
-                // the same steps as always, except for what depends on the image size, such as the finest texel.
-                config.scheduler.until = Some(27_000);
             }
         }
     }

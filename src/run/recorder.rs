@@ -4,12 +4,13 @@ use super::config::{RunConfig, SaveImages};
 use super::evaluations::StagedFolder;
 use super::folder::RunFolder;
 use super::outlying::ViewLosses;
+use super::summary::INTERRUPTED;
 use super::view_files::{write_per_view, write_view};
 use crate::backend::{RenderedImage, StepReport};
 use crate::eval::Evaluation;
 use crate::text::counted;
 use crate::train::checkpoint;
-use crate::train::{StopReason, TrainEvent, TrainHistory, TrainState};
+use crate::train::{LengthChange, Remaining, StopReason, TrainEvent, TrainHistory, TrainState};
 use crate::verify::{CAMERAS_KEY, CaptureIdentity, IDENTITY_KEY, cameras_json, store_metric, store_up};
 use crate::views::ViewSource;
 use crate::{Error, Report, Result, Warning, atomic_file, input_file};
@@ -39,6 +40,8 @@ pub struct Recorder<'a> {
     metrics: File,
     /// The strings of every checkpoint.
     strings: BTreeMap<String, String>,
+    /// Changes of the run's length so far.
+    pub(super) plan: Vec<LengthChange>,
     pub(super) total_wall_secs: Box<dyn Fn() -> f64 + 'a>,
     /// The evaluation in progress.
     staged: Option<StagedFolder>,
@@ -80,6 +83,7 @@ impl<'a> Recorder<'a> {
             config,
             metrics: open_metrics(&folder.metrics(), done)?,
             strings: BTreeMap::from([("config".to_owned(), toml)]),
+            plan: config.train.plan.clone(),
             total_wall_secs: Box::new(total_wall_secs),
             staged: None,
             last_with_images: None,
@@ -118,6 +122,7 @@ impl<'a> Recorder<'a> {
                 "splats": size.splats, "texels": size.texels, "params": size.params,
                 "render_scale": render_scale,
                 "texture_cap": texture_cap, "wall_secs": wall_secs })),
+            &TrainEvent::Planned { step, last_step, remaining } => self.planned(step, last_step, &remaining),
             TrainEvent::Pruned(pruned) => {
                 self.metric(json!({ "event": "pruned", "step": pruned.step, "pruned": pruned }))
             }
@@ -149,6 +154,27 @@ impl<'a> Recorder<'a> {
         }
     }
 
+    /// Writes a decision on the length of the run into its settings, so that it can be repeated without a clock.
+    fn planned(&mut self, step: u32, last_step: u32, remaining: &Remaining) -> Result<()> {
+        self.plan.push([step, last_step]);
+        let mut config = self.config.clone();
+        config.train.plan.clone_from(&self.plan);
+        let toml = config.to_toml()?;
+        atomic_file::write(&self.folder.config(), toml.as_bytes())?;
+        self.strings.insert("config".to_owned(), toml);
+        self.metric(
+            json!({ "event": "planned", "step": step, "steps": last_step, "eta_secs": remaining.secs(),
+            "steps_secs": remaining.steps_secs, "density_control_secs": remaining.density_secs,
+            "pruning_secs": remaining.pruning_secs, "end_secs": remaining.end_secs,
+            "total_wall_secs": (self.total_wall_secs)() }),
+        )
+    }
+
+    /// Last step of the run, as far as it is decided.
+    pub(super) fn last_step(&self) -> u32 {
+        self.plan.last().map_or(self.config.train.steps, |change| change[1])
+    }
+
     fn step(&mut self, event: &TrainEvent<'_>) -> Result<()> {
         let &TrainEvent::Step { step, view, loss, report, size, train_wall_secs, train_cpu_secs, .. } = event
         else {
@@ -156,7 +182,7 @@ impl<'a> Recorder<'a> {
         };
         self.losses.record(view, loss.l1 + loss.dssim);
         self.non_finite_gradients += report.non_finite_gradients;
-        if step == 1 || step.is_multiple_of(METRICS_EVERY) || step == self.config.train.steps {
+        if step == 1 || step.is_multiple_of(METRICS_EVERY) || step == self.last_step() {
             self.metric(json!({ "event": "step", "step": step, "view": self.views.name(view),
                 "loss": loss, "splats": size.splats, "texels": size.texels, "params": size.params,
                 "train_wall_secs": train_wall_secs, "train_cpu_secs": train_cpu_secs,
@@ -275,8 +301,7 @@ impl<'a> Recorder<'a> {
 pub(super) fn reason_name(reason: StopReason) -> &'static str {
     match reason {
         StopReason::Steps => "steps",
-        StopReason::Time => "time",
-        StopReason::Consumer => "interrupted",
+        StopReason::Consumer => INTERRUPTED,
     }
 }
 

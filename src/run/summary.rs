@@ -14,6 +14,8 @@ use std::path::Path;
 pub const SCHEMA: &str = "litetex-summary/5";
 /// Largest file that is read; it has a few numbers per view and evaluation.
 pub const FILE_BYTES_MAX: u64 = 1 << 30;
+/// `stopped_by` of a run that the user ended.
+pub(super) const INTERRUPTED: &str = "interrupted";
 /// Why LPIPS is null.
 pub const LPIPS_REASON: &str =
     "needs network weights that are not shipped: compute it from the images in eval/";
@@ -53,7 +55,7 @@ pub struct Summary {
     pub outlying_views: Vec<String>,
     /// Number of splats by the longer side of their map: none, 2, up to 4, 8, ... 256 texels.
     pub map_sides: Vec<usize>,
-    /// `steps`, `time` or `interrupted`.
+    /// `steps` or `interrupted`.
     pub stopped_by: String,
     /// Figures of the last evaluation; null without test views.
     pub quality: Option<TestFigures>,
@@ -224,6 +226,11 @@ impl Summary {
         let mut text = serde_json::to_vec_pretty(self).map_err(|e| crate::Error::io(path, e.into()))?;
         text.push(b'\n');
         Ok(atomic_file::write(path, &text)?)
+    }
+
+    /// Whether the user ended the run before its last step.
+    pub fn is_interrupted(&self) -> bool {
+        self.stopped_by == INTERRUPTED
     }
 
     /// Reads `summary.json`.

@@ -30,6 +30,20 @@ pub struct SampleSummary {
     pub mean_reprojection_error_px: f64,
 }
 
+/// Intrinsics of the photos.
+pub fn pinhole_of(options: &SampleOptions) -> Pinhole {
+    let (width, height) = (f64::from(options.width_px), f64::from(options.height_px));
+    let focal_px = 0.95 * width.max(height);
+    Pinhole {
+        width_px: options.width_px,
+        height_px: options.height_px,
+        fx_px: focal_px,
+        fy_px: focal_px,
+        cx_px: 0.5 * width,
+        cy_px: 0.5 * height,
+    }
+}
+
 /// What a capture shows.
 enum Content {
     /// The still life.
@@ -59,20 +73,11 @@ pub struct Pixels {
 impl Capture {
     /// Places cameras and points. Images are rendered on demand.
     pub fn new(options: &SampleOptions) -> Self {
-        let (width, height) = (f64::from(options.width_px), f64::from(options.height_px));
-        let focal_px = 0.95 * width.max(height);
-        let pinhole = Pinhole {
-            width_px: options.width_px,
-            height_px: options.height_px,
-            fx_px: focal_px,
-            fy_px: focal_px,
-            cx_px: 0.5 * width,
-            cy_px: 0.5 * height,
-        };
+        let pinhole = pinhole_of(options);
         let views = views(options, &pinhole);
         let (content, mut points) = match options.scene {
             None => {
-                let scene = Scene::new(options, focal_px);
+                let scene = Scene::new(options, pinhole.fx_px);
                 let points = points(options, &scene, &views);
                 (Content::Room(Box::new(scene)), points)
             }

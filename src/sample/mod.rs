@@ -3,6 +3,7 @@
 //! or licences. With a [`Stress`] it is hard in one respect; a [`NeedScene`] shows something else, whose smallest model
 //! is known.
 
+mod avi;
 mod capture;
 mod colmap_write;
 mod extras;
@@ -22,6 +23,7 @@ mod render;
 mod scene;
 mod stress;
 mod texture;
+mod video;
 mod views;
 
 pub use capture::SampleSummary;
@@ -30,6 +32,7 @@ pub use need::{NeedKind, NeedScene};
 pub use options::SampleOptions;
 pub use planted::planted_model;
 pub use stress::{Stress, StressKind};
+pub use video::write_video;
 
 use crate::atomic_file;
 use crate::image::{Channels, write_exr, write_png};

@@ -19,6 +19,9 @@ const ELEVATIONS_OUTDOORS_DEG: [f64; 3] = [3.0, 9.0, 6.0];
 /// Azimuth of the video around the cards, to either side; its elevation and distance.
 const VIDEO: (f64, f64, f64) = (60.0, 20.0, 1.7);
 
+/// The closed path: distance from the centre, mean elevation and its amplitude.
+const CLOSED: (f64, f64, f64) = (1.2, 27.0, 9.0);
+
 /// Distance of the cap's cameras from the origin, metres, and the largest angle between their axes and the z axis.
 const CAP: (f64, f64) = (1.6, 35.0);
 
@@ -113,4 +116,15 @@ pub fn video(frames: usize) -> Vec<RigidTransform> {
             looking_at(on_sphere((azimuth * along).to_radians(), elevation.to_radians(), radius), CENTRE)
         })
         .collect()
+}
+
+/// Poses of a video once around the scene, up and down on the way, that ends where it began.
+pub fn closed_path(frames: usize) -> Vec<RigidTransform> {
+    let (radius, elevation, amplitude) = CLOSED;
+    let pose = |frame| {
+        let around = std::f64::consts::TAU * frame as f64 / frames as f64;
+        let height = (elevation + amplitude * (2.0 * around).sin()).to_radians();
+        looking_at(on_sphere(around, height, radius), CENTRE)
+    };
+    (0..frames).map(pose).collect()
 }

@@ -91,17 +91,32 @@ pub fn ray_through(pinhole: &Pinhole, camera_from_scene: &RigidTransform, positi
 /// Photo with `supersampling`^2 rays per pixel, averaged in linear light; 8 bits, display space.
 /// `[height, width, 3]`
 pub fn photo(scene: &Scene, view: &View, supersampling: u32) -> Vec<u8> {
+    exposed(scene, view, supersampling, &|_| view.camera_from_capture)
+}
+
+/// The same while the camera moves: `pose_at` says where it is from the beginning, 0, to the end of the exposure, 1. The rays
+/// of each pixel are spread over that time.
+pub fn exposed(
+    scene: &Scene,
+    view: &View,
+    supersampling: u32,
+    pose_at: &(dyn Fn(f64) -> RigidTransform + Sync),
+) -> Vec<u8> {
     let pinhole = &view.pinhole;
     let mut rgb = vec![0; 3 * pinhole.num_pixels()];
-    let rays = f64::from(supersampling);
+    let (rays, samples) = (f64::from(supersampling), supersampling * supersampling);
+    // Neither direction within the pixel goes with time: the motion would seem longer one way than the other.
+    let step = (7 * samples / 9..).find(|step| is_coprime(*step, samples)).unwrap_or(1);
+    let time_of = |sample: u32| (f64::from(sample * step % samples) + 0.5) / f64::from(samples);
+    let poses: Vec<RigidTransform> = (0..samples).map(|sample| pose_at(time_of(sample))).collect();
     rgb.par_chunks_exact_mut(3 * pinhole.width_px as usize).enumerate().for_each(|(y, row)| {
         for (x, pixel) in row.chunks_exact_mut(3).enumerate() {
             let mut sum = DVec3::ZERO;
-            for sample in 0..supersampling * supersampling {
+            for sample in 0..samples {
                 let (i, j) = (sample % supersampling, sample / supersampling);
                 let within = DVec2::new(f64::from(i) + 0.5, f64::from(j) + 0.5) / rays;
                 let at = DVec2::new(x as f64, y as f64) + within;
-                let ray = ray_through(pinhole, &view.camera_from_capture, at);
+                let ray = ray_through(pinhole, &poses[sample as usize], at);
                 // 7 and 9 are coprime: the 3 x 3 rays of a pixel sample each part of the light once.
                 sum += seen(scene, &ray, 7 * sample + (x + 2 * y) as u32 % 9);
             }
@@ -109,6 +124,10 @@ pub fn photo(scene: &Scene, view: &View, supersampling: u32) -> Vec<u8> {
         }
     });
     rgb
+}
+
+fn is_coprime(a: u32, b: u32) -> bool {
+    if b == 0 { a == 1 } else { is_coprime(b, a % b) }
 }
 
 /// Photo of a patch with `supersampling`^2 rays per pixel, averaged in display space. `[height, width]`

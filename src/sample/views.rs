@@ -39,7 +39,8 @@ pub struct View {
 }
 
 impl View {
-    fn new(name: String, pose: RigidTransform, pinhole: Pinhole, is_test: bool) -> Self {
+    /// A plain view.
+    pub fn new(name: String, pose: RigidTransform, pinhole: Pinhole, is_test: bool) -> Self {
         Self {
             name,
             camera_from_capture: pose,

@@ -5,6 +5,7 @@
 //! texturing), whose values the paper inherits; the configuration that the authors published with their code;
 //! a section of `docs/method.md` ("method 6.1"), which has the measurement; or "not measured".
 
+use super::colour::deserialize_colour;
 use super::density::{Budget, Components, DensityConfig, Policy, RuleSpec};
 use crate::backend::LossWeights;
 use crate::constants::sh_coefficients;
@@ -85,14 +86,18 @@ impl Default for RateConfig {
     }
 }
 
+/// Steps done when the length of a run changed, and steps of the whole run from then on.
+pub type LengthChange = [u32; 2];
+
 /// Settings of a training run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
 pub struct TrainConfig {
     /// Length of the run; schedules are fractions of it. Default 30,000 (paper, Experimental Setup).
     pub steps: u32,
-    /// Training time after which the run stops early, evaluation not counted. Default none.
-    pub max_time_secs: Option<f64>,
+    /// Changes of the length that a run with a time made on its way: `[steps done, steps of the whole run from then on]`.
+    /// Default none.
+    pub plan: Vec<LengthChange>,
     /// Seed of everything random. Default 42 (arbitrary; method 5.2 has the spread over seeds).
     pub seed: u64,
     /// Highest SH degree, 0 to 3. Default 3 (3DGS; the paper counts its parameters).
@@ -117,7 +122,8 @@ pub struct TrainConfig {
     pub exposure: Exposure,
     /// Low-pass filter in the image. Default `ewa` (method 2.5; `paper`: none).
     pub filter: Filter,
-    /// Display-space colour behind all splats, 0 to 1. Default black (3DGS).
+    /// Display-space colour behind all splats, 0 to 1; as text, too: white, #rrggbb. Default black (3DGS).
+    #[serde(deserialize_with = "deserialize_colour")]
     pub background: [f32; 3],
     /// Whether every step draws a background of its own, so that transparency in photos with alpha is learnt. Needs a
     /// black `background`, for images. Default off (3DGS).
@@ -136,7 +142,7 @@ impl Default for TrainConfig {
     fn default() -> Self {
         Self {
             steps: 30_000,
-            max_time_secs: None,
+            plan: Vec::new(),
             seed: 42,
             sh_degree: 3,
             random_start: false,
@@ -160,6 +166,29 @@ impl Default for TrainConfig {
 }
 
 impl TrainConfig {
+    /// Steps of the run with all changes of its length.
+    pub fn last_step(&self) -> u32 {
+        self.plan.last().map_or(self.steps, |change| change[1])
+    }
+
+    /// Checks the changes of the length: in order, each before the end that it moves.
+    ///
+    /// # Errors
+    /// A message with the change.
+    pub fn check_plan(&self) -> Result<(), String> {
+        let (mut done, mut end) = (0, self.steps);
+        for &[at, last] in &self.plan {
+            if at <= done || at >= end || last <= at {
+                return Err(format!(
+                    "train.plan: found [{at}, {last}] in a run of {end} steps; expected [steps done, steps of the \
+                     whole run], in order"
+                ));
+            }
+            (done, end) = (at, last);
+        }
+        Ok(())
+    }
+
     /// Lowest SH degree that a new model may have so that more of its points fit the budget: 1, or that of the run if bands
     /// are never pruned (method 6.13).
     pub fn least_sh_degree(&self) -> u32 {

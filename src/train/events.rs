@@ -2,6 +2,7 @@
 //! consumer answers each event with whether to continue.
 
 use super::density::DensityCounts;
+use super::eta::Remaining;
 use super::prune::Pruned;
 use super::state::{SizeFigures, TrainState};
 use crate::Warning;
@@ -27,8 +28,6 @@ pub enum Control {
 pub enum StopReason {
     /// All steps are done.
     Steps,
-    /// `max_time_secs` was reached.
-    Time,
     /// The consumer answered [`Control::Stop`].
     Consumer,
 }
@@ -65,8 +64,17 @@ pub enum TrainEvent<'a> {
         train_wall_secs: f64,
         /// CPU time of the process during the training time.
         train_cpu_secs: f64,
-        /// ETA: predicted training time of the remaining steps.
+        /// ETA: predicted time of all that is left, to the exit of the program.
         remaining_secs: f64,
+    },
+    /// The length of the run was decided again, to end at its deadline.
+    Planned {
+        /// Steps done.
+        step: u32,
+        /// Last step of the run from then on.
+        last_step: u32,
+        /// What the rest will take.
+        remaining: Remaining,
     },
     /// A density-control step was done.
     DensityControl {

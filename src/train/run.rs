@@ -1,16 +1,19 @@
 //! The training loop: draws views, steps, applies density control, evaluates and emits events.
 
 use super::background::background_of;
-use super::config::{Exposure, TrainConfig};
+use super::config::{Exposure, LengthChange, TrainConfig};
 use super::density::DensityCounts;
-use super::eta::Eta;
+use super::eta::{Course, Eta, Remaining};
 use super::evaluate::{Evaluated, evaluate};
 use super::events::{Control, StopReason, TrainEvent};
+use super::expected_size::ExpectedSize;
 use super::limits::check_limits;
 use super::order::ViewOrder;
+use super::pacing::{self, Timing};
 use super::prune::{Pruned, Round, TrainingViews};
-use super::schedule::Schedule;
+use super::schedule::{MOST_PROBES, Schedule};
 use super::state::{CurvePoint, SizeFigures, TrainState};
+use super::step_costs::StepCosts;
 use super::targets::Targets;
 use super::window::{self, DensityControl, Stage};
 use crate::backend::{
@@ -34,13 +37,32 @@ pub const NO_SNAPSHOT: &str = "no-snapshot";
 /// Views decoded ahead; more if a batch is longer.
 const PREFETCH_VIEWS: usize = 4;
 
-/// Trains from `start` (a fresh state or a loaded checkpoint) to `config.steps`, the time limit or the
-/// consumer's stop. Returns the final state and why the run ended.
+/// Trains from `start` (a fresh state or a loaded checkpoint) to the end of the steps or the consumer's stop. Returns the
+/// final state and why the run ended.
 ///
 /// # Errors
 /// [`Error::Usage`] if there is no training view, [`Error::Device`] if the device cannot hold the run (see
 /// [`check_limits`]); otherwise whatever the backend, the views or the consumer report.
 pub fn train(
+    config: &TrainConfig,
+    backend: &mut dyn Backend,
+    views: &dyn ViewSource,
+    start: TrainState,
+    sink: Sink<'_>,
+) -> Result<(TrainState, StopReason)> {
+    let began = Instant::now();
+    let now = || began.elapsed().as_secs_f64();
+    let timing = Timing { now: &now, deadline_secs: None, costs: StepCosts::CPU, end_secs: 0.0 };
+    train_by(&timing, config, backend, views, start, sink)
+}
+
+/// [`train`] by a clock. With a deadline, the length of the run follows from the time: each decision is reported by
+/// [`TrainEvent::Planned`]. A run whose settings hold these decisions repeats them without a clock.
+///
+/// # Errors
+/// As [`train`].
+pub fn train_by(
+    timing: &Timing<'_>,
     config: &TrainConfig,
     backend: &mut dyn Backend,
     views: &dyn ViewSource,
@@ -51,29 +73,39 @@ pub fn train(
     if train_views.is_empty() {
         return Err(Error::Usage("no training view: every view is held out; lower --test-every".into()));
     }
-    let clock = Clock::start();
+    let clock = Clock::start(timing);
     window::begin(config, views.num_views(), &mut start);
     let limits = check_limits(config, backend, views, &start.model)?;
     backend.upload(&start.model, &start.adam)?;
     if !start.window.seen.is_empty() {
         backend.set_statistics(&start.window)?;
     }
-    let schedule = Schedule::new(config, train_views.len());
+    // A change due after the step that was done last follows its density-control step.
+    let schedule = Schedule::of_run(config, train_views.len(), start.step.saturating_sub(1));
     let test_views = views.indices(Split::Test);
-    let before_analysis = clock.wall.elapsed().as_secs_f64();
+    let before_analysis = clock.wall_secs();
     let frequency = match config.active_components().scheduler {
         true => FrequencySchedule::analyse(views, &config.scheduler)?,
         false => FrequencySchedule::flat(),
     };
-    start.history.analysis_wall_secs += clock.wall.elapsed().as_secs_f64() - before_analysis;
+    start.history.analysis_wall_secs += clock.wall_secs() - before_analysis;
     let cameras: Vec<Camera> = train_views.iter().map(|&view| views.camera(view)).collect();
     let smaller_side_px = smaller_side_px(&cameras);
-    let scale = |step| Stage::at(config, &schedule, &frequency, smaller_side_px, step).render_scale;
     let stage = Stage::at(config, &schedule, &frequency, smaller_side_px, start.stage_step);
-    let eta = Eta::new((0..config.steps).map(|step| scale(schedule.last_density_step(step))));
+    let pixels = cameras.iter().map(|camera| camera.pinhole.num_pixels() as f64).sum::<f64>();
+    let initial = if start.step == 0 { start.model.num_splats() } else { start.pace.initial };
+    let eta = Eta::new(Course {
+        costs: timing.costs,
+        size: ExpectedSize::new(config, &Schedule::new(config, train_views.len()), initial),
+        pixels: pixels / cameras.len() as f64,
+        probes: cameras.len().min(MOST_PROBES) as f64,
+        end_secs: timing.end_secs,
+    });
     let size = start.model.size().into();
     let targets = Targets::new(views.num_views(), 1.0);
     let mut trainer = Trainer {
+        timing,
+        plan: config.plan.clone(),
         config,
         backend,
         views,
@@ -91,13 +123,16 @@ pub fn train(
     };
     trainer.begin_stage(trainer.state.stage_step);
     // The analysis of the photos is part of the training time.
-    trainer.state.history.train_wall_secs += clock.wall.elapsed().as_secs_f64();
+    trainer.state.history.train_wall_secs += clock.wall_secs();
     trainer.state.history.train_cpu_secs += process_cpu_secs() - clock.cpu_secs;
     trainer.train(sink)
 }
 
 /// A training under way.
 struct Trainer<'a> {
+    timing: &'a Timing<'a>,
+    /// Changes of the length, those of the settings and those decided since.
+    plan: Vec<LengthChange>,
     config: &'a TrainConfig,
     backend: &'a mut dyn Backend,
     views: &'a dyn ViewSource,
@@ -126,14 +161,19 @@ struct PlannedStep {
 }
 
 /// Start of a span of training time.
-struct Clock {
-    wall: Instant,
+struct Clock<'a> {
+    timing: &'a Timing<'a>,
+    began_secs: f64,
     cpu_secs: f64,
 }
 
-impl Clock {
-    fn start() -> Self {
-        Self { wall: Instant::now(), cpu_secs: process_cpu_secs() }
+impl<'a> Clock<'a> {
+    fn start(timing: &'a Timing<'a>) -> Self {
+        Self { timing, began_secs: (timing.now)(), cpu_secs: process_cpu_secs() }
+    }
+
+    fn wall_secs(&self) -> f64 {
+        (self.timing.now)() - self.began_secs
     }
 }
 
@@ -142,7 +182,7 @@ impl Trainer<'_> {
         sink(TrainEvent::Started {
             device: self.backend.device(),
             step: self.state.step,
-            steps: self.config.steps,
+            steps: self.last_step(),
             train_views: self.train_views.len(),
             test_views: self.test_views.len(),
         })?;
@@ -175,14 +215,11 @@ impl Trainer<'_> {
         if step > 0 && self.state.revised_step != step {
             self.revise()?;
         }
-        while self.state.step < self.config.steps {
+        self.follow_plan(sink)?;
+        while self.state.step < self.schedule.last_step {
             let mut control = self.batch(sink)?;
             if control == Control::Snapshot {
                 control = self.snapshot(sink)?;
-            }
-            let limit = self.config.max_time_secs;
-            if control != Control::Stop && limit.is_some_and(|l| self.state.history.train_wall_secs >= l) {
-                return Ok(StopReason::Time);
             }
             if control != Control::Stop && self.is_due(self.config.eval_every, self.state.step) {
                 control = self.evaluate(false, sink)?;
@@ -199,7 +236,59 @@ impl Trainer<'_> {
 
     /// Whether something done every `every` steps is due after `step`. The last step is handled separately.
     fn is_due(&self, every: u32, step: u32) -> bool {
-        every > 0 && step > 0 && step.is_multiple_of(every) && step < self.config.steps
+        every > 0 && step > 0 && step.is_multiple_of(every) && step < self.last_step()
+    }
+
+    /// Last step of the run, as far as its changes of length are known.
+    fn last_step(&self) -> u32 {
+        self.plan.last().map_or(self.config.steps, |change| change[1])
+    }
+
+    /// Whether the length of the run changes after a step: as the settings say, or because it is decided then.
+    fn may_change_length(&self, step: u32) -> bool {
+        self.plan.iter().any(|change| change[0] == step)
+            || self.timing.deadline_secs.is_some() && pacing::is_due(&self.schedule, self.decided_at(), step)
+    }
+
+    /// Step after which the length was last decided; 0: never.
+    fn decided_at(&self) -> u32 {
+        self.plan.last().map_or(0, |change| change[0])
+    }
+
+    /// Changes the length of the run if that is due: as the settings say, else so that it ends at the deadline.
+    fn follow_plan(&mut self, sink: Sink<'_>) -> Result<Control> {
+        let step = self.state.step;
+        if !self.may_change_length(step) || self.schedule.changed_at() == step {
+            return Ok(Control::Continue);
+        }
+        if let Some(&change) = self.plan.iter().find(|change| change[0] == step) {
+            self.schedule = self.schedule.changed(change);
+            return Ok(Control::Continue);
+        }
+        let deadline_secs = self.timing.deadline_secs.unwrap_or(f64::INFINITY);
+        let left = self.remaining();
+        let last_step = pacing::last_step(&self.schedule, step, &left, deadline_secs - (self.timing.now)());
+        self.plan.push([step, last_step]);
+        self.schedule = self.schedule.changed([step, last_step]);
+        sink(TrainEvent::Planned { step, last_step, remaining: self.remaining() })
+    }
+
+    /// ETA. While a decision is to come, the length is not what it will be, and the deadline tells more.
+    fn eta_secs(&self) -> f64 {
+        let left = self.remaining();
+        let last_decided = pacing::all_decided(&self.schedule, self.decided_at());
+        match self.timing.deadline_secs.filter(|_| !last_decided) {
+            Some(deadline_secs) => {
+                pacing::eta_secs(&self.schedule, self.state.step, &left, deadline_secs - (self.timing.now)())
+            }
+            None => left.secs(),
+        }
+    }
+
+    /// What the rest of the run will take.
+    fn remaining(&self) -> Remaining {
+        let scale = |step| self.stage_at(step).render_scale;
+        self.eta.remaining(&self.schedule, self.state.step, self.size.splats, scale)
     }
 
     fn evaluated_at(&self) -> Option<u32> {
@@ -209,7 +298,8 @@ impl Trainer<'_> {
     /// Does the steps that go to the backend at once and the density-control step that may follow them, and
     /// adds their time to the history.
     fn batch(&mut self, sink: Sink<'_>) -> Result<Control> {
-        let clock = Clock::start();
+        let clock = Clock::start(self.timing);
+        let share_before = self.schedule.share(self.state.step);
         let batch = self.plan_batch()?;
         let requests: Vec<StepRequest<'_>> = batch.iter().map(|planned| self.request(planned)).collect();
         let reports = match self.backend.steps(&requests) {
@@ -231,11 +321,21 @@ impl Trainer<'_> {
         }
         self.advance(batch.len());
         let diverged = reports.iter().position(|report| !report.loss.total.is_finite());
-        let (stepped, size) = (Instant::now(), self.size);
+        let (steps_secs, size) = (clock.wall_secs(), self.size);
+        let share = self.schedule.share(self.state.step) - share_before;
+        self.eta.observe_steps(batch.len() as u32, share, steps_secs, (self.stage.render_scale, size.splats));
+        let pruning_before = self.state.history.prune_wall_secs;
         let changed = if diverged.is_none() { self.revise()? } else { None };
-        let density_control_secs = stepped.elapsed().as_secs_f64();
+        let density_control_secs = clock.wall_secs() - steps_secs;
+        if changed.is_some() {
+            let pruning_secs = self.state.history.prune_wall_secs - pruning_before;
+            self.eta.observe_density(density_control_secs - pruning_secs, size.splats);
+            if self.schedule.rounds_left(self.state.step) > 0 {
+                self.eta.observe_round(pruning_secs, size.splats);
+            }
+        }
         self.state.history.density_control_wall_secs += density_control_secs;
-        let wall_secs = clock.wall.elapsed().as_secs_f64();
+        let wall_secs = clock.wall_secs();
         let times = [wall_secs, process_cpu_secs() - clock.cpu_secs];
         let finite_steps = diverged.unwrap_or(batch.len());
         let mut control = self.report((&batch, &reports[..finite_steps]), size, times, sink)?;
@@ -255,7 +355,7 @@ impl Trainer<'_> {
             }
         }
         match diverged {
-            None => Ok(control),
+            None => Ok(control.max(self.follow_plan(sink)?)),
             Some(at) => Err(Error::Device(format!(
                 "step {}: the loss is {}: lower the learning rates, or report this with the capture",
                 batch[at].step, reports[at].loss.total
@@ -316,7 +416,7 @@ impl Trainer<'_> {
             targets: &mut self.targets,
             exposures: &self.state.exposures,
         };
-        let began = Instant::now();
+        let clock = Clock::start(self.timing);
         let round = Round::of(config, &self.schedule, step);
         let pruned = round.run(self.backend, &mut training, &mut self.state.histories)?;
         if let Some(pruned) = &pruned {
@@ -325,7 +425,7 @@ impl Trainer<'_> {
         }
         self.backend.set_statistics(&WindowStatistics::empty(self.size.splats))?;
         self.state.history.pruned.extend(pruned);
-        self.state.history.prune_wall_secs += began.elapsed().as_secs_f64();
+        self.state.history.prune_wall_secs += clock.wall_secs();
         Ok(pruned)
     }
 
@@ -361,13 +461,14 @@ impl Trainer<'_> {
                 || self.is_due(save_every, step)
                 || self.schedule.is_density_step(step)
                 || self.schedule.is_crop_step(step)
+                || self.may_change_length(step)
         };
-        let steps = (first..=self.config.steps).take(wanted);
+        let steps = (first..=self.schedule.last_step).take(wanted);
         let len = steps.clone().position(ends).map_or(steps.count(), |at| at + 1);
 
         let views: Vec<usize> = order.by_ref().take(len).collect();
         // All photos of the next batch will be needed as soon as this one is done.
-        let left = (self.config.steps - self.state.step) as usize - len;
+        let left = (self.schedule.last_step - self.state.step) as usize - len;
         let next = order.take(wanted.max(PREFETCH_VIEWS).min(left));
         let requested = views.iter().copied().chain(next).filter(|&view| self.targets.needs_full(view));
         self.views.prefetch(&requested.collect::<Vec<_>>());
@@ -430,12 +531,11 @@ impl Trainer<'_> {
         [wall_secs, cpu_secs]: [f64; 2],
         sink: Sink<'_>,
     ) -> Result<Control> {
+        let remaining_secs = self.eta_secs();
         let history = &mut self.state.history;
         let (wall_before, cpu_before) = (history.train_wall_secs, history.train_cpu_secs);
         history.train_wall_secs += wall_secs;
         history.train_cpu_secs += cpu_secs;
-        let done = self.state.step;
-        let remaining_secs = self.eta.observe(done - batch.len() as u32, done, wall_secs);
         let mut control = Control::Continue;
         for (at, (planned, report)) in batch.iter().zip(reports).enumerate() {
             // Exactly 1 at the last step, so that its times equal those of the history.
@@ -456,10 +556,10 @@ impl Trainer<'_> {
     }
 
     fn snapshot(&mut self, sink: Sink<'_>) -> Result<Control> {
-        let (began, step) = (Instant::now(), self.state.step);
+        let (clock, step) = (Clock::start(self.timing), self.state.step);
         match self.backend.read_flushed() {
             Ok(model) => {
-                let wall_secs = began.elapsed().as_secs_f64();
+                let wall_secs = clock.wall_secs();
                 sink(TrainEvent::Snapshot { step, model, wall_secs })
             }
             // No reason to end a training: a device that is lost fails in the next step.

@@ -1,7 +1,8 @@
 //! The timetable of a run: the published one of 30,000 steps, scaled by `s = steps / 30,000` (method 4.2
-//! and 6.1).
+//! and 6.1). A run that has a time instead of a number of steps changes the length of what is left on its way
+//! ([`Schedule::changed`]): from there on, the rest of the timetable is stretched or shortened.
 
-use super::config::TrainConfig;
+use super::config::{LengthChange, TrainConfig};
 use super::density::Budget;
 use crate::backend::LearningRates;
 
@@ -31,17 +32,34 @@ pub const MOST_PROBES: usize = 64;
 /// Steps of a run for each probe, unless it has only two rounds of pruning.
 const STEPS_PER_PROBE: u32 = 30;
 
-/// The timetable of a run.
+/// What a run of `steps` steps would do without changes of its length; shares of the run are measured in it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Original {
+    steps: u32,
+    density_interval: u32,
+    densify_until: u32,
+    full_size_from: u32,
+}
+
+/// The timetable of a run. Steps are those of the run itself; those before the last change of its length are as they were.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Schedule {
-    /// Steps after which the SH degree in use rises by one (published: 1,000).
-    pub sh_interval: u32,
-    /// Steps for which an SH band is trained before it is tested.
-    pub sh_trial: u32,
+    original: Original,
+    /// Step after which the length last changed; 0: never.
+    changed_at: u32,
+    /// Steps of the original timetable done by then, and done by each step since.
+    original_then: f64,
+    original_per_step: f64,
+    /// Last step of the run.
+    pub last_step: u32,
+    /// Steps of the original timetable after which the SH degree in use rises by one (published: 1,000).
+    sh_interval: u32,
+    /// Steps of it for which an SH band is trained before it is tested.
+    sh_trial: u32,
     /// Step from which texels are trained (published: 1,000).
     pub texture_start: u32,
-    /// Step at which the rate of positions has decayed (published: 24,000).
-    pub position_end: u32,
+    /// Step of the original timetable at which the rate of positions has decayed (published: 24,000).
+    position_end: u32,
     /// Steps between density-control steps (published: 250).
     pub density_interval: u32,
     /// First step whose statistics are used; before it, maps are only fitted (published: 500).
@@ -65,7 +83,7 @@ pub struct Schedule {
 }
 
 impl Schedule {
-    /// The timetable for `config` and a number of training views.
+    /// The timetable for `config` and a number of training views, before any change of its length.
     pub fn new(config: &TrainConfig, train_views: usize) -> Self {
         let s = f64::from(config.steps) / PUBLISHED_STEPS;
         let at = |published: f64| ((published * s).round() as u32).max(1);
@@ -79,17 +97,23 @@ impl Schedule {
         let usual = config.policy.spec().densify_until;
         let until = c.densify_until.unwrap_or(if needs { usual.max(NEED_UNTIL) } else { usual });
         let patience = (f64::from(c.patience_steps) * s / f64::from(density_interval)).round();
+        let [densify_until, full_size_from] = [until, config.scheduler.until()].map(|step| at(step.into()));
         Self {
+            original: Original { steps: config.steps, density_interval, densify_until, full_size_from },
+            changed_at: 0,
+            original_then: 0.0,
+            original_per_step: 1.0,
+            last_step: config.steps,
             sh_interval: at(1_000.0),
             sh_trial: at(SH_TRIAL),
             texture_start: at(c.texture_start.into()),
             position_end: at(24_000.0),
             density_interval,
             density_start: at(c.start.into()),
-            densify_until: at(until.into()),
+            densify_until,
             prune_rounds: 0,
             prune_until: at(f64::from(until) + PRUNE_STEPS).max(at(PRUNE_UNTIL)),
-            full_size_from: at(config.scheduler.until().into()),
+            full_size_from,
             coarsen_interval: at(1_000.0),
             crop_interval: if density_interval >= 100 && rule.crops_between {
                 density_interval * 2 / 5
@@ -113,6 +137,72 @@ impl Schedule {
         Self { prune_rounds: affordable.min(PRUNE_ROUNDS), ..self }
     }
 
+    /// The timetable with the changes of `config` that apply once `done` steps are done.
+    pub fn of_run(config: &TrainConfig, train_views: usize, done: u32) -> Self {
+        let changes = config.plan.iter().filter(|change| change[0] <= done);
+        changes.fold(Self::new(config, train_views), |now, &change| now.changed(change))
+    }
+
+    /// The timetable if, once `at` steps are done, what is left is stretched or shortened so that the run ends at
+    /// step `last`.
+    pub fn changed(self, [at, last]: LengthChange) -> Self {
+        let stretch =
+            f64::from(last.saturating_sub(at)) / f64::from(self.last_step.saturating_sub(at).max(1));
+        let stretched = |steps: u32| (f64::from(steps) * stretch).round() as u32;
+        let moved = |step: u32| if step <= at { step } else { at + stretched(step - at) };
+        let density_interval = stretched(self.density_interval).max(1);
+        Self {
+            changed_at: at,
+            original_then: self.original_steps(at),
+            original_per_step: self.original_per_step / stretch.max(f64::MIN_POSITIVE),
+            last_step: last,
+            texture_start: moved(self.texture_start),
+            density_interval,
+            density_start: moved(self.density_start),
+            densify_until: moved(self.densify_until),
+            prune_until: moved(self.prune_until),
+            full_size_from: moved(self.full_size_from),
+            crop_interval: if self.crop_interval > 0 { (density_interval * 2 / 5).max(1) } else { 0 },
+            density_end: moved(self.density_end),
+            ..self
+        }
+    }
+
+    /// Steps of the timetable without changes that `step` steps correspond to.
+    fn original_steps(&self, step: u32) -> f64 {
+        self.original_then + (f64::from(step) - f64::from(self.changed_at)) * self.original_per_step
+    }
+
+    /// Steps as a share of the run, at most 1.
+    pub fn share(&self, step: u32) -> f64 {
+        (self.original_steps(step) / f64::from(self.original.steps)).min(1.0)
+    }
+
+    /// Steps after a step if the rest of the run has the length it was first planned with.
+    pub fn original_steps_left(&self, step: u32) -> f64 {
+        (f64::from(self.original.steps) - self.original_steps(step)).max(0.0)
+    }
+
+    /// Step after which the length last changed; 0: never.
+    pub fn changed_at(&self) -> u32 {
+        self.changed_at
+    }
+
+    /// Whether no round of pruning is left after a step; the density-control step of the last one included.
+    pub fn is_pruned(&self, step: u32) -> bool {
+        self.rounds_done(self.last_density_step(step)) == self.prune_rounds
+    }
+
+    /// Whether a round of pruning is due by a step.
+    pub fn prunes_by(&self, step: u32) -> bool {
+        self.rounds_done(step) > 0
+    }
+
+    /// Density checks for which an SH band is on trial.
+    pub fn sh_trial_checks(&self) -> u16 {
+        self.sh_trial.div_ceil(self.original.density_interval.max(1)).min(u16::MAX.into()) as u16
+    }
+
     /// Bounds of the model after a step: while it grows, it may exceed the user's budget of parameters, which pruning then
     /// meets.
     pub fn budget(&self, config: &TrainConfig, step: u32) -> Budget {
@@ -129,13 +219,25 @@ impl Schedule {
 
     /// Whether a density-control step follows a step.
     pub fn is_density_step(&self, step: u32) -> bool {
-        step.is_multiple_of(self.density_interval) && step <= self.density_end
+        self.is_multiple_since(step, self.density_interval) && step <= self.density_end
+    }
+
+    /// Whether `interval` divides the steps since the last change of the length.
+    fn is_multiple_since(&self, step: u32, interval: u32) -> bool {
+        step >= self.changed_at && (step - self.changed_at).is_multiple_of(interval)
     }
 
     /// The last density-control step by the time `done` steps are done: its stage is in force; 0: none yet.
     pub fn last_density_step(&self, done: u32) -> u32 {
-        let last = done.min(self.density_end);
-        last - last % self.density_interval
+        let last = done.min(self.density_end).max(self.changed_at);
+        last - (last - self.changed_at) % self.density_interval
+    }
+
+    /// The first density-control step after `done` steps, or where it would be after the last.
+    pub fn next_density_step(&self, done: u32) -> u32 {
+        let since = done.saturating_sub(self.changed_at);
+        self.changed_at
+            .saturating_add((since / self.density_interval + 1).saturating_mul(self.density_interval))
     }
 
     /// The rounds of pruning still to come after a density-control step, with that one; 0 if none follows it.
@@ -159,7 +261,7 @@ impl Schedule {
 
     /// Whether maps are cropped and padded after a step. Density-control steps do so in any case.
     pub fn is_crop_step(&self, step: u32) -> bool {
-        self.crop_interval > 0 && step.is_multiple_of(self.crop_interval) && step <= self.density_end
+        self.crop_interval > 0 && self.is_multiple_since(step, self.crop_interval) && step <= self.density_end
     }
 
     /// Whether the density-control step after `step` tests maps for coarsening.
@@ -169,35 +271,37 @@ impl Schedule {
 
     /// Time t of the frequency schedule: steps done as a fraction of those to the last stage, at most 1.
     pub fn stage_share(&self, step: u32) -> f64 {
-        (f64::from(step) / f64::from(self.full_size_from)).min(1.0)
+        (self.original_steps(step) / f64::from(self.original.full_size_from)).min(1.0)
     }
 
     /// Steps done as a fraction of those to the end of densification, at most 1.
     pub fn densify_share(&self, step: u32) -> f64 {
-        (f64::from(step) / f64::from(self.densify_until)).min(1.0)
+        (self.original_steps(step) / f64::from(self.original.densify_until)).min(1.0)
     }
 
     /// Length in finest texels above which splats are split (published: falling over 7,000 steps).
     pub fn split_texels(&self, config: &TrainConfig, step: u32) -> f64 {
         let [start, end] = config.density.split_texels;
-        let t = f64::from(step) / f64::from(config.steps) * PUBLISHED_STEPS / 7_000.0;
+        let t = self.original_steps(step) / f64::from(config.steps) * PUBLISHED_STEPS / 7_000.0;
         (start + (end - start) * t).max(end.min(start))
     }
 
     /// Opacity below which splats fade.
     pub fn opacity_floor(&self, config: &TrainConfig, step: u32) -> f64 {
         let [start, end] = config.density.opacity_floor.unwrap_or(config.policy.spec().opacity_floor);
-        start + (end - start) * f64::from(step) / f64::from(config.steps)
+        start + (end - start) * self.original_steps(step) / f64::from(config.steps)
     }
 
     /// SH degree in use at a step; steps count from 1.
     pub fn sh_degree(&self, step: u32, highest: u32) -> u32 {
-        ((step - 1) / self.sh_interval).min(highest)
+        let done = (self.original_steps(step) - 1.0).max(0.0);
+        ((done / f64::from(self.sh_interval)) as u32).min(highest)
     }
 
     /// Highest SH degree that has been trained long enough to be tested after a step; 0: none.
     pub fn sh_tested(&self, step: u32, highest: u32) -> u32 {
-        (step.saturating_sub(self.sh_trial) / self.sh_interval).min(highest)
+        let tested = (self.original_steps(step) - f64::from(self.sh_trial)).max(0.0);
+        ((tested / f64::from(self.sh_interval)) as u32).min(highest)
     }
 
     /// Learning rates of a step; steps count from 1.
@@ -207,7 +311,7 @@ impl Schedule {
     /// (log-scales and SH degree 0: with the fourth root; opacity: not; method 4.2).
     pub fn rates(&self, config: &TrainConfig, step: u32) -> LearningRates {
         let r = &config.rates;
-        let t = (f64::from(step - 1) / f64::from(self.position_end)).min(1.0);
+        let t = (self.original_steps(step - 1) / f64::from(self.position_end)).min(1.0);
         let position = if config.random_start { r.position_random } else { r.position };
         let (start, end) = (f64::from(position).ln(), f64::from(r.position_end).ln());
         let missing = if r.raise_in_short_runs { PUBLISHED_STEPS / f64::from(config.steps) } else { 1.0 };
@@ -253,6 +357,38 @@ mod tests {
         assert!(!schedule.has_pruned(30_000));
         assert_eq!(of(30, 44), [], "too short");
         assert!((1..=off.steps).all(|step| schedule.rounds_left(step) == 0));
+    }
+
+    #[test]
+    fn a_change_of_the_length_stretches_what_is_left() {
+        let config = TrainConfig { steps: 3_000, ..TrainConfig::default() };
+        let before = Schedule::new(&config, 30);
+        let same = before.changed([900, 3_000]);
+        let facts = |s: &Schedule, step| {
+            let rates = s.rates(&config, step);
+            (s.is_density_step(step), s.rounds_left(step), s.share(step), rates.position, s.stage_share(step))
+        };
+        assert!((901..=3_000).all(|step| facts(&before, step) == facts(&same, step)), "no change");
+        // Half the pace from step 900: two steps of the run for one of the original.
+        let slow = before.changed([900, 900 + 2 * 2_100]);
+        assert_eq!((slow.last_step, slow.density_interval), (5_100, 2 * before.density_interval));
+        for step in 900..=3_000 {
+            let then = 900 + 2 * (step - 900);
+            assert!((before.share(step) - slow.share(then)).abs() < 1e-12, "{step}");
+            assert_eq!(before.rounds_left(step), slow.rounds_left(then), "{step}");
+            assert_eq!(before.opacity_floor(&config, step), slow.opacity_floor(&config, then), "{step}");
+        }
+        // After the last round only the end moves.
+        let at = (1..3_000).find(|&step| before.rounds_left(step) == 1).unwrap();
+        assert!(before.is_pruned(at) && !before.is_pruned(at - 1) && before.prunes_by(at - 1));
+        let tail = before.changed([at, at + 30]);
+        assert_eq!((tail.last_step, tail.share(at + 30), tail.is_pruned(at)), (at + 30, 1.0, true));
+        let again = (at + 1..=at + 30).any(|step| tail.rounds_left(step) > 0);
+        assert!(!again && tail.has_pruned(at + 1), "nothing is pruned twice");
+        // Changes apply from their step on.
+        let config = TrainConfig { plan: vec![[900, 5_100], [2_000, 4_000]], ..config };
+        let of = |done| Schedule::of_run(&config, 30, done).last_step;
+        assert_eq!([899, 900, 1_999, 2_000].map(of), [3_000, 5_100, 5_100, 4_000]);
     }
 
     #[test]

@@ -109,8 +109,7 @@ impl DensityControl<'_> {
             may_coarsen: schedule.may_coarsen(step),
             may_pad: !schedule.has_pruned(step),
             sh_tested: schedule.sh_tested(step, config.sh_degree),
-            sh_trial_checks: schedule.sh_trial.div_ceil(schedule.density_interval.max(1)).min(u16::MAX.into())
-                as u16,
+            sh_trial_checks: schedule.sh_trial_checks(),
             sh_highest: config.sh_degree,
             max_splits,
             split_texels: (!rule.splits_any_length).then(|| schedule.split_texels(config, step)),

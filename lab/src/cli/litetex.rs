@@ -1,7 +1,7 @@
 //! The program `litetex`: where it is, what it makes of arguments, and what it prints.
 
 use clap::Parser;
-use litetex_gs::run::Profile;
+use litetex_gs::run::{Profile, without_mark};
 use litetex_gs::train::{Policy, TrainConfig};
 use litetex_gs::{Error, Result};
 use litetex_lab::matrix::Commands;
@@ -90,7 +90,8 @@ pub fn output(program: &Path, args: &[impl AsRef<OsStr>]) -> Result<Vec<u8>, Str
         return Ok(stdout);
     }
     let said = String::from_utf8_lossy(&stderr);
-    Err(said.trim().trim_start_matches("error: ").to_owned())
+    let said = said.trim();
+    Err(without_mark(said).unwrap_or(said).to_owned())
 }
 
 impl Commands for Litetex {
@@ -162,7 +163,7 @@ mod tests {
         for name in ["litetex", "plain", "none", "fixed:4"] {
             assert_eq!(litetex.flag_of(name), Some("--policy"), "{name}");
         }
-        for name in ["paper", "cat", "fast"] {
+        for name in ["paper", "cat", "authors"] {
             assert_eq!(litetex.flag_of(name), Some("--profile"), "{name}");
         }
         for name in ["default", "fixed:1", "Plain", "no growth"] {

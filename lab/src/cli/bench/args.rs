@@ -1,6 +1,6 @@
 //! Arguments of `litetex-lab bench`.
 
-use litetex_gs::console::values::{parse_duration_secs, whole};
+use litetex_gs::console::values::{parse_duration_secs, parse_shard, whole};
 use litetex_lab::matrix::{NamedArgs, SceneEntry};
 use litetex_lab::words;
 use std::path::PathBuf;
@@ -36,7 +36,7 @@ pub struct BenchArgs {
     #[arg(long, value_name = "ARGUMENTS", allow_hyphen_values = true, value_parser = parse_words, help_heading = "Matrix")]
     pub(super) common: Option<Words>,
     /// Run only this part of the matrix: 1/3, 2/3 and 3/3 divide it among three machines
-    #[arg(long, value_name = "PART/PARTS", value_parser = words::parse_shard, default_value = "1/1")]
+    #[arg(long, value_name = "PART/PARTS", value_parser = parse_shard, default_value = "1/1")]
     pub(super) shard: (usize, usize),
     /// Number of concurrent runs; with more than 1, their times do not count
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole::<u16>(1..=256))]

@@ -12,6 +12,7 @@ pub use args::BenchArgs;
 use args::Words;
 use folder::{RESULTS, RUNS};
 use litetex_gs::console::{Interrupt, Log, Output, path_text};
+use litetex_gs::run::{Outcome, work_through};
 use litetex_gs::{Error, Result, memory};
 use litetex_lab::chart::summary;
 use litetex_lab::matrix::{Cell, Matrix, check_captures, shard};
@@ -20,8 +21,7 @@ use litetex_lab::{machine, words};
 use runner::Runner;
 use serde_json::json;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Mutex, mpsc};
+use std::sync::Mutex;
 use std::time::Instant;
 
 /// Makes the unfinished runs of the matrix and prints a table of all.
@@ -120,7 +120,7 @@ fn rename(cells: &[Cell], known: &[Record], file: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Makes the unfinished runs in `jobs` threads; their results are written and reported here, as they end.
+/// Makes the unfinished runs, several at a time; their results are written and reported as they end.
 fn run_cells(
     args: &BenchArgs,
     left: &[&Cell],
@@ -134,44 +134,30 @@ fn run_cells(
     }
     let interrupt = Interrupt::listen(log, "ending the runs in progress")?;
     let runner = runner(args, litetex, interrupt.clone());
-    let (next, stop) = (AtomicUsize::new(0), AtomicBool::new(false));
-    let (sender, receiver) = mpsc::channel();
-    let work = |sender: mpsc::Sender<Result<Option<Record>>>| {
-        while !stop.load(Ordering::SeqCst) && !interrupt.is_requested() {
-            let Some(cell) = left.get(next.fetch_add(1, Ordering::SeqCst)) else { break };
-            let outcome = runner.run(cell);
-            let failed =
-                outcome.as_ref().is_ok_and(|r| r.as_ref().is_some_and(|r| r.status == Status::Failed));
-            if outcome.is_err() || (args.fail_fast && failed) {
-                stop.store(true, Ordering::SeqCst);
-            }
-            if sender.send(outcome).is_err() {
-                break;
-            }
-        }
-    };
-    std::thread::scope(|scope| -> Result<()> {
-        for _ in 0..runner.jobs.min(left.len()) {
-            let sender = sender.clone();
-            scope.spawn(|| work(sender));
-        }
-        drop(sender);
-        let started = Instant::now();
-        let mut done = 0;
-        for outcome in &receiver {
-            let Some(record) = outcome? else { continue };
-            results::append(file, &record).inspect_err(|_| stop.store(true, Ordering::SeqCst))?;
+    let (started, mut done) = (Instant::now(), 0);
+    let outcome = work_through(
+        left,
+        runner.jobs,
+        &|| interrupt.is_requested(),
+        |cell| {
+            Ok(match runner.run(cell)? {
+                Some(record) if args.fail_fast && record.status == Status::Failed => Outcome::Last(record),
+                Some(record) => Outcome::GoOn(record),
+                None => Outcome::Nothing,
+            })
+        },
+        |record: Record| {
+            results::append(file, &record)?;
             done += 1;
             let secs_left = started.elapsed().as_secs_f64() / done as f64 * (left.len() - done) as f64;
             messages::finished(log, &record, all - left.len() + done, all, secs_left);
-        }
-        Ok(())
-    })?;
-    if interrupt.is_requested() {
+            Ok(())
+        },
+    );
+    if matches!(outcome, Err(Error::Interrupted)) {
         log.info(&format!("results so far are in {}; the same command continues", file.display()));
-        return Err(Error::Interrupted);
     }
-    Ok(())
+    outcome
 }
 
 fn runner(args: &BenchArgs, litetex: &Litetex, interrupt: Interrupt) -> Runner {

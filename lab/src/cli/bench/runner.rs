@@ -4,26 +4,19 @@
 use super::folder::{plain, remove_folder};
 use crate::cli::litetex::output;
 use litetex_gs::console::Interrupt;
+use litetex_gs::run::{End, Process, Stop};
 use litetex_gs::{Error, Result, atomic_file, input_file};
 use litetex_lab::machine::{self, Conditions, OwnLoad};
 use litetex_lab::matrix::{Cell, with_folders};
 use litetex_lab::results::{Hardware, Record, SCHEMA, Status};
 use serde_json::Value;
-use std::ffi::OsStr;
+use std::ffi::{OsStr, OsString};
 use std::fs::{self, File};
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::{Mutex, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-/// Interval at which a process is polled.
-const POLL: Duration = Duration::from_millis(20);
-/// After a Ctrl-C ended a run, time within which this process gets its own.
-const INTERRUPT_GRACE: Duration = Duration::from_millis(500);
-/// Exit code of an interrupted training.
-const INTERRUPTED: i32 = 130;
-/// Characters of a failed run's messages that are kept.
-const ERROR_CHARS_MAX: usize = 2000;
 /// Hidden option of `litetex train`: stop at once when standard input ends. Trainings end with the benchmark that started them,
 /// even if it is killed: their results would be lost, and a restarted benchmark would repeat them while they still run.
 const END_WITH_STDIN: &str = "--end-with-stdin";
@@ -67,13 +60,6 @@ struct Start {
     own_load1: f64,
 }
 
-/// How a process ended.
-enum End {
-    Exit(ExitStatus),
-    TimedOut,
-    Interrupted,
-}
-
 /// Exit code, and the summary or the reason for its absence.
 type Outcome = (Option<i32>, Result<Value, String>);
 
@@ -90,8 +76,7 @@ impl Runner {
         remove_folder(&folder)?;
         fs::create_dir_all(&self.runs).map_err(|e| Error::io(&self.runs, e))?;
         let start = self.start();
-        let mut child = self.spawn(cell, &folder, &messages)?;
-        let end = self.wait(&mut child, start.at).map_err(|e| Error::io(&self.program, e))?;
+        let end = self.train(cell, &folder, &messages)?;
         let wall_secs = start.at.elapsed().as_secs_f64();
         let outcome = match end {
             End::Interrupted => {
@@ -100,8 +85,8 @@ impl Runner {
                 return Ok(None);
             }
             End::TimedOut => (None, Err(format!("stopped after {wall_secs:.0} s: --timeout"))),
-            End::Exit(status) if status.success() => (status.code(), self.measured(cell, &folder)),
-            End::Exit(status) => (status.code(), Err(last_message(&messages, status))),
+            End::Exit(Some(0), _) => (Some(0), self.measured(cell, &folder)),
+            End::Exit(code, message) => (code, Err(message)),
         };
         if outcome.1.is_ok() && !self.keep_runs {
             tidy(&folder, &messages)?;
@@ -120,22 +105,24 @@ impl Runner {
         }
     }
 
-    fn spawn(&self, cell: &Cell, folder: &Path, messages: &Path) -> Result<Child> {
+    /// Trains; messages go to a file.
+    fn train(&self, cell: &Cell, folder: &Path, messages: &Path) -> Result<End> {
         atomic_file::check_place(messages)?;
-        let log = File::create(messages).map_err(|e| Error::io(messages, e))?;
-        Command::new(&self.program)
-            .arg("train")
-            .arg(&cell.path)
-            .arg("--out")
-            .arg(folder)
-            .args(["--seed", &cell.seed.to_string(), "--quiet", END_WITH_STDIN])
-            .args(with_folders(&cell.args, &cell.path, folder))
-            // Held open by this process, and closed by the system when it ends, however it ends.
-            .stdin(Stdio::piped())
-            .stdout(Stdio::null())
-            .stderr(log)
-            .spawn()
-            .map_err(|e| Error::io(&self.program, e))
+        let mut log = File::create(messages).map_err(|e| Error::io(messages, e))?;
+        let mut args: Vec<OsString> =
+            vec!["train".into(), cell.path.clone().into(), "--out".into(), folder.into(), "--seed".into()];
+        args.extend([&*cell.seed.to_string(), "--quiet", END_WITH_STDIN].map(OsString::from));
+        args.extend(with_folders(&cell.args, &cell.path, folder).into_iter().map(OsString::from));
+        let process = Process {
+            program: &self.program,
+            args,
+            timeout_secs: self.timeout_secs,
+            is_stopped: &|| self.interrupt.is_requested(),
+            stop: Stop::Kill,
+            // A message that cannot be kept does not end the run.
+            on_line: &mut |line| drop(writeln!(log, "{line}")),
+        };
+        process.run().map_err(|e| Error::io(&self.program, e))
     }
 
     /// The summary of a finished run, with the size of its file and the figures that the matrix asks for.
@@ -180,35 +167,6 @@ impl Runner {
         let args = ["--quality", "tiny", "--no-verify", "--device", "cpu", "--out", &out];
         of_run(&self.program, "export", folder, &args.map(str::to_owned))?;
         fs::metadata(&file).map(|m| m.len()).map_err(|e| Error::io(&file, e).to_string())
-    }
-
-    fn wait(&self, child: &mut Child, started: Instant) -> std::io::Result<End> {
-        let stop = |child: &mut Child, end| {
-            child.kill()?;
-            child.wait()?;
-            Ok(end)
-        };
-        loop {
-            if let Some(status) = child.try_wait()? {
-                // Ctrl-C goes to both processes; the other may be quicker.
-                let waited = Instant::now();
-                while status.code() == Some(INTERRUPTED)
-                    && !self.interrupt.is_requested()
-                    && waited.elapsed() < INTERRUPT_GRACE
-                {
-                    std::thread::sleep(POLL);
-                }
-                let interrupted = !status.success() && self.interrupt.is_requested();
-                return Ok(if interrupted { End::Interrupted } else { End::Exit(status) });
-            }
-            if self.interrupt.is_requested() {
-                return stop(child, End::Interrupted);
-            }
-            if self.timeout_secs.is_some_and(|limit| started.elapsed().as_secs_f64() > limit) {
-                return stop(child, End::TimedOut);
-            }
-            std::thread::sleep(POLL);
-        }
     }
 
     fn record(&self, cell: &Cell, start: Start, wall_secs: f64, (exit_code, summary): Outcome) -> Record {
@@ -285,21 +243,6 @@ fn read_summary(folder: &Path) -> Result<Value, String> {
     let path = folder.join(SUMMARY);
     let bytes = input_file::read(&path, SUMMARY_BYTES_MAX).map_err(|e| e.to_string())?;
     serde_json::from_slice(&bytes).map_err(|e| Error::invalid(&path, e.to_string()).to_string())
-}
-
-/// The last message of a failed run.
-fn last_message(messages: &Path, status: ExitStatus) -> String {
-    let text = fs::read(messages).unwrap_or_default();
-    let text = String::from_utf8_lossy(&text);
-    // A message may have several lines, for example about a mistake in a TOML file.
-    let from = text.rfind("error: ").unwrap_or(0);
-    let chars: Vec<char> = text[from..].trim().chars().collect();
-    let said: String = chars[chars.len().saturating_sub(ERROR_CHARS_MAX)..].iter().collect();
-    match (said.is_empty(), status.code()) {
-        (false, Some(_)) => said.trim_start_matches("error: ").to_owned(),
-        (_, Some(code)) => format!("exit code {code} without a message"),
-        (_, None) => format!("killed by the system ({status}); out of memory? {said}").trim_end().to_owned(),
-    }
 }
 
 /// Removes everything but the result and the settings.

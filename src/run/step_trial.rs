@@ -1,0 +1,106 @@
+//! Measures a device before a run with a time is planned: a few training steps on the initial model, thrown away.
+
+use crate::backend::{Backend, LossWeights, StepRequest};
+use crate::eval::quality_of;
+use crate::model::AdamState;
+use crate::model::Model;
+use crate::train::{Schedule, StepCosts, TrainConfig};
+use crate::views::{Split, ViewSource};
+use crate::{Error, Result};
+
+/// Longer sides of the images of the trial, pixels: costs grow linearly with the pixels between and beyond them.
+const SIDES_PX: [f64; 2] = [120.0, 480.0];
+/// Steps at each size, after one that does not count.
+const STEPS: u32 = 3;
+
+/// What was measured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Trial {
+    /// A training step.
+    pub costs: StepCosts,
+    /// Reading a photo at the capture's size.
+    pub photo_secs: f64,
+    /// Rendering an image and comparing it with its photo, for each pixel.
+    pub evaluation_secs_per_pixel: f64,
+}
+
+/// Does trial steps. The backend's model is then to be replaced.
+///
+/// # Errors
+/// What the backend and the photos report.
+pub fn measure(
+    backend: &mut dyn Backend,
+    views: &dyn ViewSource,
+    model: &Model,
+    config: &TrainConfig,
+    now: &dyn Fn() -> f64,
+) -> Result<Trial> {
+    let train = views.indices(Split::Train);
+    let &view = train
+        .get(train.len() / 2)
+        .ok_or_else(|| Error::Usage("no training view: every view is held out; lower --test-every".into()))?;
+    let began = now();
+    let photo = views.target(view)?;
+    let photo_secs = now() - began;
+    let camera = views.camera(view);
+    let schedule = Schedule::new(config, train.len());
+    let longer = f64::from(camera.pinhole.width_px.max(camera.pinhole.height_px));
+    let mut found = Vec::new();
+    backend.upload(model, &AdamState::zeros(model))?;
+    let mut step = 0;
+    for (at, side) in SIDES_PX.iter().enumerate() {
+        let scale = (longer / side).max(if at == 0 { 2.0 } else { 1.0 });
+        let [width, height] = [camera.pinhole.width_px, camera.pinhole.height_px]
+            .map(|px| ((f64::from(px) / scale) as u32).max(1));
+        let target = photo.reduced(width, height);
+        let mut began = now();
+        for i in 0..=STEPS {
+            if i == 1 {
+                began = now();
+            }
+            step += 1;
+            backend.steps(&[StepRequest {
+                step,
+                camera: crate::camera::Camera { pinhole: camera.pinhole.resized(width, height), ..camera },
+                photo: at as u32,
+                target: &target,
+                background: config.background,
+                sh_degree: config.sh_degree,
+                loss: LossWeights { ..config.loss },
+                rates: schedule.rates(config, 1),
+                accumulate_statistics: true,
+                exposure: None,
+            }])?;
+        }
+        found.push((f64::from(width * height), (now() - began) / f64::from(STEPS)));
+        if at == 1 {
+            let options = super::trained::render_options(model, config.background, false);
+            let began = now();
+            let camera = crate::camera::Camera { pinhole: camera.pinhole.resized(width, height), ..camera };
+            let image = backend.render(&camera, &options)?;
+            quality_of("trial", &image.rgb, &target);
+            let secs = (now() - began) / f64::from(width * height);
+            return Ok(Trial {
+                costs: costs(&found, model.num_splats() as f64),
+                photo_secs,
+                evaluation_secs_per_pixel: secs,
+            });
+        }
+    }
+    Err(Error::Usage("the trial has no second size".into()))
+}
+
+/// Costs of steps at two sizes; what does not depend on the pixels is shared between splats and the rest as on the CPU.
+fn costs(found: &[(f64, f64)], splats: f64) -> StepCosts {
+    let [(small, few), (large, many)] = [found[0], found[1]];
+    let most = many / large.max(1.0);
+    let secs_per_pixel = ((many - few) / (large - small).max(1.0)).clamp(0.1 * most, most);
+    let rest = (many - large * secs_per_pixel).max(0.05 * many);
+    let of_splats = splats * StepCosts::CPU.secs_per_splat;
+    let share = of_splats / (of_splats + StepCosts::CPU.fixed_secs);
+    StepCosts {
+        fixed_secs: (1.0 - share) * rest,
+        secs_per_pixel,
+        secs_per_splat: share * rest / splats.max(1.0),
+    }
+}

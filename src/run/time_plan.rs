@@ -1,0 +1,206 @@
+//! From a time to image size and steps. The running training corrects the steps (`train::pacing`), the size stands.
+
+use super::step_trial::Trial;
+use crate::text::format_duration;
+use crate::train::{Course, ExpectedSize, Schedule, TrainConfig};
+use crate::{Error, Result};
+
+/// Bounds of the longer side on offer, pixels.
+const SIDES_PX: [u32; 8] = [160, 240, 320, 480, 640, 960, 1280, 1600];
+
+/// Images are as large as leaves time for this many steps. Not measured: it keeps every view of usual captures in sight a
+/// dozen times.
+const WANTED_STEPS: u32 = 600;
+
+/// The published timetable is the longest.
+const MOST_STEPS: u32 = 30_000;
+
+/// Render scales expected by share of the run, before the photos are analysed (fox, 270 x 480).
+const SCALES: [(f64, f64); 7] =
+    [(0.1, 3.36), (0.2, 2.83), (0.27, 2.38), (0.36, 2.0), (0.44, 1.68), (0.52, 1.41), (0.62, 1.19)];
+
+/// Seconds for files and the summary, and share of the time kept for what nobody foresees.
+const FILES_SECS: f64 = 1.0;
+
+/// Pixels analysed in a second (fox: 43 photos of 2 MP in 2.9 s on two busy cores).
+const ANALYSED_PIXELS_PER_SEC: f64 = 30e6;
+const ANALYSED_VIEWS: f64 = 50.0;
+
+/// What a plan follows from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Situation {
+    /// Time from start to exit.
+    pub time_secs: f64,
+    /// Time gone.
+    pub gone_secs: f64,
+    /// Time to load the capture and make the model again at another size.
+    pub reload_secs: f64,
+    /// Measured on the device.
+    pub trial: Trial,
+    /// Splats at the start.
+    pub splats: usize,
+    /// Training and test views.
+    pub views: [usize; 2],
+    /// Longer side and pixels of a view as loaded, on average.
+    pub side_px: u32,
+    /// Pixels of a view as loaded, on average.
+    pub pixels: f64,
+    /// Whether the user chose the image size.
+    pub keeps_size: bool,
+    /// Views evaluated at once.
+    pub threads: f64,
+}
+
+/// What to do in the time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plan {
+    /// Steps, corrected while they go on.
+    pub steps: u32,
+    /// Bound of the longer side, pixels; `None`: as loaded.
+    pub max_resolution: Option<u32>,
+    /// When it will be over, seconds after the start.
+    pub done_secs: f64,
+    /// Of which from the last step to the exit.
+    pub end_secs: f64,
+}
+
+impl Situation {
+    /// Seconds from the start to the exit with this many steps, and those after the last step.
+    fn secs(&self, config: &TrainConfig, steps: u32, side_px: u32) -> (f64, f64) {
+        let config = TrainConfig { steps, ..config.clone() };
+        let schedule = Schedule::new(&config, self.views[0]);
+        let ratio = (f64::from(side_px) / f64::from(self.side_px)).min(1.0);
+        let pixels = self.pixels * ratio * ratio;
+        let [train, test] = self.views.map(|views| views as f64);
+        let per_view = pixels * self.trial.evaluation_secs_per_pixel;
+        // Compared by several threads, rendered again for the frame rate.
+        let end_secs =
+            FILES_SECS + per_view * (test + test.clamp(8.0, 64.0) / 3.0) / self.threads.clamp(1.0, 2.0);
+        let course = Course {
+            costs: self.trial.costs,
+            size: ExpectedSize::new(&config, &schedule, self.splats),
+            pixels,
+            probes: train.min(64.0),
+            end_secs,
+        };
+        let is_scheduled = config.active_components().scheduler;
+        let scale = |step| {
+            let share = schedule.share(step);
+            let found = SCALES.iter().find(|(until, _)| is_scheduled && share < *until);
+            found.map_or(1.0, |&(_, scale)| scale)
+        };
+        let photos_secs = (train + test) * self.trial.photo_secs / self.threads.max(1.0);
+        let analysis_secs = train.min(ANALYSED_VIEWS) * pixels / ANALYSED_PIXELS_PER_SEC;
+        let reload_secs = if side_px < self.side_px { self.reload_secs } else { 0.0 };
+        let rest = course.remaining(&schedule, 0, self.splats as f64, scale).secs();
+        (self.gone_secs + reload_secs + photos_secs + analysis_secs + rest, end_secs)
+    }
+
+    /// The fewest steps after which the model can be pruned.
+    fn least_steps(&self, config: &TrainConfig) -> u32 {
+        let prunes = |steps| {
+            let config = TrainConfig { steps, ..config.clone() };
+            Schedule::new(&config, self.views[0]).prune_rounds > 0
+        };
+        (60..=2_000).step_by(10).find(|&steps| prunes(steps)).unwrap_or(60)
+    }
+
+    /// The most steps for which there is time.
+    fn most_steps(&self, config: &TrainConfig, side_px: u32) -> u32 {
+        let (mut fits, mut too_many) = (0, MOST_STEPS + 1);
+        while fits + 1 < too_many {
+            let middle = fits.midpoint(too_many);
+            if self.secs(config, middle, side_px).0 <= self.time_secs {
+                fits = middle
+            } else {
+                too_many = middle
+            }
+        }
+        fits
+    }
+
+    /// The plan.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if the time is too short, with the shortest that is not.
+    pub fn plan(&self, config: &TrainConfig) -> Result<Plan> {
+        let smaller = SIDES_PX.into_iter().filter(|&side| side < self.side_px && !self.keeps_size);
+        let sides: Vec<u32> = smaller.chain([self.side_px]).collect();
+        let least = self.least_steps(config);
+        let wanted = WANTED_STEPS.max(least);
+        let steps_at = |side: u32| self.most_steps(config, side);
+        let enough = sides.iter().rev().find(|&&side| steps_at(side) >= wanted);
+        let side = *enough.unwrap_or(&sides[0]);
+        let steps = steps_at(side);
+        if steps < least {
+            let shortest = self.secs(config, least, side).0.ceil();
+            return Err(Error::Usage(format!(
+                "--time {}: too short for this capture on this device: the shortest is about {}, of which {} are gone \
+                 before the first step",
+                format_duration(self.time_secs),
+                format_duration(shortest),
+                format_duration(self.gone_secs)
+            )));
+        }
+        let (done_secs, end_secs) = self.secs(config, steps, side);
+        Ok(Plan { steps, max_resolution: (side < self.side_px).then_some(side), done_secs, end_secs })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::train::StepCosts;
+
+    const FOX: Situation = Situation {
+        time_secs: 600.0,
+        gone_secs: 2.0,
+        reload_secs: 1.0,
+        trial: Trial {
+            costs: StepCosts { fixed_secs: 0.008, secs_per_pixel: 0.2e-6, secs_per_splat: 0.7e-6 },
+            photo_secs: 0.05,
+            evaluation_secs_per_pixel: 1e-6,
+        },
+        splats: 14_500,
+        views: [43, 7],
+        side_px: 1600,
+        pixels: 900.0 * 1600.0,
+        keeps_size: false,
+        threads: 2.0,
+    };
+
+    #[test]
+    fn more_time_means_larger_images_or_more_steps() {
+        let config = TrainConfig::default();
+        let of = |time_secs| Situation { time_secs, ..FOX }.plan(&config).unwrap();
+        let plans = [30.0, 60.0, 180.0, 600.0, 3_600.0].map(of);
+        let side = |plan: &Plan| plan.max_resolution.unwrap_or(1600);
+        for pair in plans.windows(2) {
+            assert!(side(&pair[0]) < side(&pair[1]) || pair[0].steps < pair[1].steps, "{plans:?}");
+        }
+        for (plan, time) in plans.iter().zip([30.0, 60.0, 180.0, 600.0]) {
+            assert!((0.9..=1.0).contains(&(plan.done_secs / time)), "{plan:?}");
+        }
+        // The published timetable is the longest: a small capture is done before its time.
+        let small = Situation { time_secs: 36_000.0, side_px: 160, pixels: 19_200.0, ..FOX };
+        let plan = small.plan(&config).unwrap();
+        assert!(plan.steps == 30_000 && plan.done_secs < 36_000.0 && plan.max_resolution.is_none());
+        let kept = Situation { keeps_size: true, ..FOX }.plan(&config).unwrap();
+        assert_eq!(kept.max_resolution, None);
+    }
+
+    #[test]
+    fn a_time_that_is_too_short_is_refused_with_the_shortest() {
+        let config = TrainConfig::default();
+        let refused = |time_secs| Situation { time_secs, ..FOX }.plan(&config).unwrap_err().to_string();
+        assert!(refused(5.0).contains("the shortest is about"), "{}", refused(5.0));
+        // The time that it names is enough.
+        let least = FOX.least_steps(&config);
+        let shortest = FOX.secs(&config, least, SIDES_PX[0]).0.ceil();
+        assert!(refused(5.0).contains(&format_duration(shortest)));
+        let plan = Situation { time_secs: shortest, ..FOX }.plan(&config).unwrap();
+        assert!(plan.steps >= least);
+        let planned = TrainConfig { steps: plan.steps, ..config };
+        assert!(Schedule::new(&planned, 43).prune_rounds > 0, "pruning always finishes");
+    }
+}

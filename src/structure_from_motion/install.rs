@@ -1,0 +1,119 @@
+//! How missing programs are installed, on each system.
+
+/// A program that may be missing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Program {
+    Ffmpeg,
+    HeifConvert,
+    Pycolmap,
+}
+
+/// Systems that install programs in different ways.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum System {
+    Debian,
+    Fedora,
+    Arch,
+    OtherLinux,
+    Mac,
+    Windows,
+}
+
+impl System {
+    /// The one that we run on.
+    pub fn current() -> Self {
+        if cfg!(windows) {
+            return Self::Windows;
+        }
+        if cfg!(target_vendor = "apple") {
+            return Self::Mac;
+        }
+        Self::of_release(&std::fs::read_to_string("/etc/os-release").unwrap_or_default())
+    }
+
+    /// The one that `/etc/os-release` describes.
+    fn of_release(text: &str) -> Self {
+        let ids = text.lines().filter_map(|l| l.strip_prefix("ID=").or_else(|| l.strip_prefix("ID_LIKE=")));
+        let ids: Vec<&str> = ids.flat_map(|ids| ids.trim_matches('"').split(' ')).collect();
+        let is = |names: &[&str]| ids.iter().any(|id| names.contains(id));
+        match () {
+            () if is(&["debian", "ubuntu"]) => Self::Debian,
+            () if is(&["fedora", "rhel"]) => Self::Fedora,
+            () if is(&["arch"]) => Self::Arch,
+            () => Self::OtherLinux,
+        }
+    }
+}
+
+impl Program {
+    /// What it is needed for.
+    pub const fn purpose(self) -> &'static str {
+        match self {
+            Self::Ffmpeg => "ffmpeg, which reads videos",
+            Self::HeifConvert => "heif-convert or ImageMagick, which decode HEIC and AVIF",
+            Self::Pycolmap => "pycolmap 4 or COLMAP 3.8, either of which finds the poses",
+        }
+    }
+
+    /// The commands that install it.
+    pub const fn commands(self, system: System) -> &'static [&'static str] {
+        use System as S;
+        match (self, system) {
+            (Self::Ffmpeg, S::Debian) => &["sudo apt install ffmpeg"],
+            (Self::Ffmpeg, S::Fedora) => &["sudo dnf install ffmpeg-free"],
+            (Self::Ffmpeg, S::Arch) => &["sudo pacman -S ffmpeg"],
+            (Self::Ffmpeg, S::Mac) => &["brew install ffmpeg"],
+            (Self::Ffmpeg, S::Windows) => &["winget install Gyan.FFmpeg"],
+            (Self::HeifConvert, S::Debian) => &["sudo apt install libheif-examples"],
+            (Self::HeifConvert, S::Fedora) => &["sudo dnf install libheif-tools"],
+            (Self::HeifConvert, S::Arch) => &["sudo pacman -S libheif"],
+            (Self::HeifConvert, S::Mac) => &["brew install libheif"],
+            (Self::HeifConvert, S::Windows) => &["winget install ImageMagick.ImageMagick"],
+            (Self::Ffmpeg | Self::HeifConvert, S::OtherLinux) => &["(the package of your system)"],
+            (Self::Pycolmap, S::Windows) => &[
+                "py -m venv litetex-python",
+                "litetex-python\\Scripts\\pip install pycolmap",
+                "setx LITETEX_PYTHON \"%CD%\\litetex-python\\Scripts\\python.exe\"",
+            ],
+            (Self::Pycolmap, _) => &[
+                "python3 -m venv ~/litetex-python",
+                "~/litetex-python/bin/pip install pycolmap",
+                "export LITETEX_PYTHON=~/litetex-python/bin/python",
+            ],
+        }
+    }
+}
+
+/// What to install for programs that are missing, one command on each line.
+pub fn advice(missing: &[Program], system: System) -> String {
+    let mut text = String::new();
+    for program in missing {
+        text.push_str(&format!("{} is missing. Install it:\n", program.purpose()));
+        text.extend(program.commands(system).iter().map(|command| format!("  {command}\n")));
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn systems_are_told_apart_and_each_has_commands() {
+        for (text, system) in [
+            ("NAME=x\nID=debian\n", System::Debian),
+            ("ID=linuxmint\nID_LIKE=\"ubuntu debian\"\n", System::Debian),
+            ("ID=fedora\n", System::Fedora),
+            ("ID=manjaro\nID_LIKE=arch\n", System::Arch),
+            ("ID=alpine\n", System::OtherLinux),
+        ] {
+            assert_eq!(System::of_release(text), system, "{text}");
+        }
+        let all = [Program::Ffmpeg, Program::HeifConvert, Program::Pycolmap];
+        let debian = advice(&all, System::Debian);
+        for words in ["sudo apt install ffmpeg", "libheif-examples", "pip install pycolmap"] {
+            assert!(debian.contains(words), "{debian}");
+        }
+        assert!(advice(&all[..1], System::Mac).contains("brew") && advice(&[], System::Mac).is_empty());
+    }
+}

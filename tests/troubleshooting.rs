@@ -1,0 +1,49 @@
+//! `docs/troubleshooting.md` has an entry for each warning and kind of error, and no others.
+#![allow(clippy::unwrap_used, reason = "a failing test may panic")]
+
+use litetex_gs::Error;
+use std::collections::BTreeSet;
+use std::path::Path;
+
+/// Text of all sources below a folder.
+fn sources(folder: &Path, text: &mut String) {
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            sources(&path, text);
+        } else {
+            text.push_str(&std::fs::read_to_string(path).unwrap());
+        }
+    }
+}
+
+/// Codes that stand literally after a mark.
+fn literals(text: &str, mark: &str) -> BTreeSet<String> {
+    let after = text.split(mark).skip(1).filter_map(|rest| rest.trim_start().strip_prefix('"'));
+    let codes = after.filter_map(|rest| Some(rest.split_once('"')?.0.to_owned()));
+    codes.filter(|code| code.bytes().all(|b| b.is_ascii_lowercase() || b == b'-')).collect()
+}
+
+fn entries(section: &str) -> Vec<String> {
+    let page = include_str!("../docs/troubleshooting.md");
+    let part = page.split("\n## ").find(|part| part.starts_with(section)).unwrap();
+    part.lines().filter_map(|l| Some(l.strip_prefix("### `")?.strip_suffix('`')?.to_owned())).collect()
+}
+
+#[test]
+fn each_warning_and_kind_of_error_has_an_entry() {
+    let mut text = String::new();
+    sources(Path::new("src"), &mut text);
+    sources(Path::new("lab/src"), &mut text);
+    let entries_of_warnings = entries("Warnings");
+    let codes = &literals(&text, "warn(") | &literals(&text, "code: ");
+    assert!(codes.len() > 40 && literals("x.warn(\n \"a-b\", 1)", "warn(").contains("a-b"));
+    let missing: Vec<_> = codes.iter().filter(|code| !entries_of_warnings.contains(code)).collect();
+    assert!(missing.is_empty(), "no entry in docs/troubleshooting.md: {missing:?}");
+    // Codes that are chosen from a list are literals elsewhere; "-left-out" follows a noun.
+    let is_known = |entry: &&String| text.contains(&format!("\"{entry}\"")) || entry.ends_with("-left-out");
+    let unknown: Vec<_> = entries_of_warnings.iter().filter(|entry| !is_known(entry)).collect();
+    assert!(unknown.is_empty(), "entries of no code: {unknown:?}");
+    assert!(entries_of_warnings.is_sorted(), "entries are in order");
+    assert_eq!(entries("Errors"), Error::KINDS);
+}
