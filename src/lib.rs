@@ -26,6 +26,7 @@ pub mod memory;
 pub mod model;
 pub mod reference;
 mod report;
+pub mod report_page;
 pub mod run;
 pub mod sample;
 pub mod selftest;

@@ -33,7 +33,7 @@ fn the_documentation_lists_the_commands_as_the_help_does() {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/commands.md");
     let text = std::fs::read_to_string(file).unwrap();
     let commands = commands_of_help();
-    assert_eq!(commands.len(), 16, "{commands:?}");
+    assert_eq!(commands.len(), 18, "{commands:?}");
     let section = text.split("## `litetex`\n").nth(1).unwrap().split("## ").next().unwrap();
     let rows: Vec<(String, String)> = section
         .lines()
@@ -67,7 +67,7 @@ fn completions_and_manual_pages_have_text() {
     assert_eq!(run(&["man", "--out", folder.to_str().unwrap()]).0, 0);
     let train = std::fs::read_to_string(folder.join("litetex-train.1")).unwrap();
     assert!(train.contains("max\\-resolution"), "{train}");
-    assert_eq!(std::fs::read_dir(folder).unwrap().count(), 18); // 16 commands, help, litetex
+    assert_eq!(std::fs::read_dir(folder).unwrap().count(), 20); // 18 commands, help, litetex
 }
 
 #[test]

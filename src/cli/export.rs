@@ -14,6 +14,7 @@ use litetex_gs::camera::up::direction_text;
 use litetex_gs::capture::Capture;
 use litetex_gs::console::values::whole;
 use litetex_gs::console::{Interrupt, Log, Output, columns, device, path_text};
+use litetex_gs::report_page::FileFigures;
 use litetex_gs::run::{Scale, Trained, run_of_checkpoint};
 use litetex_gs::text::{format_bytes, format_count};
 use litetex_gs::verify::{
@@ -424,6 +425,23 @@ fn raw_bytes(asset: &SplatAsset) -> u64 {
 }
 
 impl Exports {
+    /// What the comparison of each file with the scene found.
+    ///
+    /// # Errors
+    /// What stopped the writing, else [`Error::CheckFailed`] if a file failed verification.
+    pub fn figures(self) -> Result<Vec<FileFigures>> {
+        let failures: Vec<String> = self.files.iter().flat_map(Exported::failures).collect();
+        let failed = (!failures.is_empty()).then(|| Error::CheckFailed(failures.join("; ")));
+        if let Some(error) = self.stopped.or(failed) {
+            return Err(error);
+        }
+        let figures = self.files.iter().filter_map(|file| {
+            let verdict = (file.verdict.as_ref()?, file.on_test_photos);
+            Some(FileFigures::new(&file.path, file.written.scene_bytes(), verdict, file.loses_textures))
+        });
+        Ok(figures.collect())
+    }
+
     /// A row for each file, those beside the ones asked for included. The ratio is that of all files of a scene. It fails with what
     /// stopped the writing, else if a file failed verification.
     pub fn output(self) -> Output {

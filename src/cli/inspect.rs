@@ -20,6 +20,9 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// Show the contents of a capture, a run, a checkpoint or an asset
+///
+/// For a capture, the last lines are a verdict: good, usable or shoot again, with at most three reasons and what to do about each. At
+/// most 60 of its photos are decoded for it.
 #[derive(clap::Args)]
 pub struct InspectArgs {
     /// Folder of a capture or a run, checkpoint (.safetensors) or asset

@@ -22,6 +22,9 @@ mod outputs;
 mod progress;
 mod quickstart;
 mod render;
+mod report;
+mod report_figures;
+mod report_views;
 mod sample;
 mod scale_from;
 mod schedule;
@@ -87,6 +90,7 @@ enum Command {
     Compare(compare::CompareArgs),
     Inspect(inspect::InspectArgs),
     View(view::ViewArgs),
+    Report(report::ReportArgs),
     Schedule(schedule::ScheduleArgs),
     /// List the devices that can train and render
     Devices,
@@ -114,6 +118,7 @@ impl Program for Cli {
             Command::Compare(args) => compare::run(&args, log),
             Command::Inspect(args) => inspect::run(&args, log),
             Command::View(args) => view::run(&args, log),
+            Command::Report(args) => report::run(&args, log),
             Command::Schedule(args) => schedule::run(&args, log),
             Command::Devices => devices::run(),
             Command::Selftest(args) => selftest::run(&args, log),

@@ -13,4 +13,4 @@ pub use colouring::{depth_range, grey_from_depth, rgb_from_normal};
 pub use legend::legend;
 pub use ramp::magma;
 pub use target::{ALPHA_LEVELS, TargetImage, is_background};
-pub use write::{Channels, JPEG_QUALITY, write_exr, write_jpeg, write_png};
+pub use write::{Channels, JPEG_QUALITY, encode_jpeg, write_exr, write_jpeg, write_png};

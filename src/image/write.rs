@@ -79,11 +79,29 @@ pub const JPEG_QUALITY: u8 = 85;
 /// [`Error::InvalidInput`] if the number of values does not match or is zero, [`Error::Io`].
 pub fn write_jpeg(path: &Path, width_px: u32, height_px: u32, rgb: &[u8], quality: u8) -> Result<()> {
     Channels::Rgb.check(path, width_px, height_px, rgb.len())?;
+    Ok(atomic_file::write(
+        path,
+        &encode_jpeg(width_px, height_px, rgb, quality).map_err(|e| Error::io(path, e))?,
+    )?)
+}
+
+/// An image as a JPEG file. `rgb`: `[height, width, 3]`
+///
+/// # Errors
+/// If the number of values does not match or is zero.
+pub fn encode_jpeg(width_px: u32, height_px: u32, rgb: &[u8], quality: u8) -> std::io::Result<Vec<u8>> {
+    let expected = width_px as usize * height_px as usize * Channels::Rgb.count();
+    if rgb.len() != expected || expected == 0 {
+        return Err(std::io::Error::other(format!(
+            "{} values for an image of {width_px} x {height_px}",
+            rgb.len()
+        )));
+    }
     let mut bytes = Vec::new();
     JpegEncoder::new_with_quality(&mut bytes, quality)
         .write_image(rgb, width_px, height_px, ExtendedColorType::Rgb8)
-        .map_err(|e| Error::io(path, std::io::Error::other(e)))?;
-    Ok(atomic_file::write(path, &bytes)?)
+        .map_err(std::io::Error::other)?;
+    Ok(bytes)
 }
 
 /// Writes a 32-bit float EXR (lossless ZIP). Grey becomes channel `Y`.

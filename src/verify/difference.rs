@@ -2,7 +2,7 @@
 
 use crate::backend::{RenderedImage, TargetImage};
 use crate::eval::{ViewQuality, psnr_from_mse, quality_of, quantised};
-use litetex_exporters::{AssetCamera, SplatAsset};
+use litetex_exporters::SplatAsset;
 
 /// Views at which a file is shaped and checked while it is written; a later, separate check may look at all.
 pub const EXPORT_VIEWS: usize = 12;
@@ -68,7 +68,7 @@ pub(super) fn loss_db(mse: f64, before: f64) -> f64 {
 }
 
 /// At most `most` of the views, evenly spread over their order.
-pub fn evenly_spread(views: &[AssetCamera], most: usize) -> Vec<AssetCamera> {
+pub fn evenly_spread<T: Clone>(views: &[T], most: usize) -> Vec<T> {
     let count = views.len().min(most.max(1));
     (0..count).map(|i| views[i * views.len() / count].clone()).collect()
 }
@@ -76,6 +76,7 @@ pub fn evenly_spread(views: &[AssetCamera], most: usize) -> Vec<AssetCamera> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use litetex_exporters::AssetCamera;
 
     fn image(value: f32) -> RenderedImage {
         let rgb = (0..16 * 16 * 3).map(|i| value + (i % 7) as f32 / 100.0).collect();
@@ -109,6 +110,6 @@ mod tests {
         let names = |most| evenly_spread(&views, most).into_iter().map(|v| v.name).collect::<Vec<_>>();
         assert_eq!(names(3), ["0", "3", "6"]);
         assert_eq!(names(50).len(), 10);
-        assert_eq!(evenly_spread(&[], 3).len(), 0);
+        assert_eq!(evenly_spread::<AssetCamera>(&[], 3).len(), 0);
     }
 }

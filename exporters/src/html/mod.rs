@@ -18,7 +18,7 @@ mod write;
 pub use page::{Page, Place};
 pub use read::{embedded, read_html, validate};
 pub use session::{Session, SessionAsset, SessionPhoto, SessionTraining, TrainingState};
-pub use write::{encode_html, wrapped};
+pub use write::{encode_html, escaped, wrapped};
 
 /// `id` of the element that holds the asset.
 const ASSET_ID: &str = "litetex-asset";

@@ -68,7 +68,7 @@ fn meta(key: &str, name: &str, content: &str) -> String {
 }
 
 /// Text as it stands in an element or a quoted attribute. Control characters, which may not stand there at all, become spaces.
-fn escaped(text: &str) -> String {
+pub fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
         match c {
