@@ -116,6 +116,7 @@ fn two_points_make_a_unit_a_metre() {
         (format!("{name}:30,40+{name}:30.1,40 {name}:60,44 = 1m"), "nearly parallel"),
         (format!("{name}:30,40+{}:2,3 {name}:60,44 = 1m", b.name), "miss each other"),
         ("0,0,0 1e-320,0,0 = 1m".to_owned(), "same place"),
+        ("0,0,0 1e-5,0,0 = 1m".to_owned(), "less than the detail of the scene"),
     ] {
         let (code, message) = bad(&["export", text(&run), "--scale-from", &from]);
         assert!(code == 2 && message.contains(part), "{from}: {message}");

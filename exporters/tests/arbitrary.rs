@@ -2,8 +2,9 @@
 //! file gives an error or a valid asset.
 
 use litetex_exporters::{
-    AssetMap, Contents, Format, Provenance, Quality, ReadLimits, SplatAsset, Transform, WriteOptions, ltgs,
-    num_sh_coefficients, read_asset, read_fallback, validate_file, write_asset,
+    AssetMap, Contents, Format, METRES, Provenance, Quality, ReadLimits, SplatAsset, Transform,
+    UNKNOWN_SCALE, WriteOptions, ltgs, num_sh_coefficients, read_asset, read_fallback, validate_file,
+    write_asset,
 };
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -106,35 +107,43 @@ fn splat(sh_degree: u32, is_tame: bool) -> impl Strategy<Value = Splat> {
 fn asset(is_tame: bool) -> impl Strategy<Value = SplatAsset> {
     let frame = (1e-3_f64..1e3, quaternion(), prop::array::uniform3(-1e3_f64..1e3));
     let splats = (0_u32..=3).prop_flat_map(move |degree| (Just(degree), vec(splat(degree, is_tame), 1..12)));
-    (splats, frame, "\\PC{0,12}", 0.0_f32..1.0).prop_map(|((sh_degree, splats), frame, title, near)| {
-        let (scale, rotation, translation) = frame;
-        let mut asset = SplatAsset {
-            sh_degree,
-            near,
-            capture_from_local: Transform { scale, rotation, translation },
-            ..SplatAsset::default()
-        };
-        asset.provenance.title = title;
-        for splat in splats {
-            let [rows, cols] = splat.sides;
-            let mut map = AssetMap { offset_texels: asset.num_texels() as u32, ..AssetMap::default() };
-            if rows > 0 {
-                map = AssetMap { rows, cols, texel_sizes: splat.texel_sizes, shift: splat.shift, ..map };
+    let scale = prop_oneof![
+        Just(String::new()),
+        Just(UNKNOWN_SCALE.to_owned()),
+        Just(format!("{METRES}: 1.2 m between two points (é.jpg:1,2 a b.png:3,4 = 1.2m)"))
+    ];
+    (splats, frame, "\\PC{0,12}", scale, 0.0_f32..1.0).prop_map(
+        |((sh_degree, splats), frame, title, said, near)| {
+            let (scale, rotation, translation) = frame;
+            let mut asset = SplatAsset {
+                sh_degree,
+                near,
+                capture_from_local: Transform { scale, rotation, translation },
+                ..SplatAsset::default()
+            };
+            asset.provenance.title = title;
+            asset.provenance.scale = said;
+            for splat in splats {
+                let [rows, cols] = splat.sides;
+                let mut map = AssetMap { offset_texels: asset.num_texels() as u32, ..AssetMap::default() };
+                if rows > 0 {
+                    map = AssetMap { rows, cols, texel_sizes: splat.texel_sizes, shift: splat.shift, ..map };
+                }
+                asset.maps.push(map);
+                asset.texels.extend(splat.texels);
+                asset.positions.push(splat.position);
+                asset.rotations.push(splat.rotation.map(|v| v as f32));
+                asset.scales.push(splat.scales);
+                asset.opacities.push(splat.opacity);
+                asset.sh_degrees.push(splat.degree);
+                asset.sh.extend(splat.sh);
+                asset.sh.resize(asset.num_splats() * 3 * num_sh_coefficients(sh_degree), 0.0);
             }
-            asset.maps.push(map);
-            asset.texels.extend(splat.texels);
-            asset.positions.push(splat.position);
-            asset.rotations.push(splat.rotation.map(|v| v as f32));
-            asset.scales.push(splat.scales);
-            asset.opacities.push(splat.opacity);
-            asset.sh_degrees.push(splat.degree);
-            asset.sh.extend(splat.sh);
-            asset.sh.resize(asset.num_splats() * 3 * num_sh_coefficients(sh_degree), 0.0);
-        }
-        asset.fit_sh_degree();
-        asset.validate().expect("a valid asset");
-        asset
-    })
+            asset.fit_sh_degree();
+            asset.validate().expect("a valid asset");
+            asset
+        },
+    )
 }
 
 fn options(quality: Quality) -> WriteOptions<'static> {
