@@ -34,7 +34,7 @@ impl Masked<'_> {
     fn by_sides(&self) -> Option<Made> {
         let ((w, h), (mask_w, mask_h)) = (self.photo.size, self.mask.size);
         let tell = swaps_sides(self.photo.turn) && w != h;
-        tell.then(|| if (mask_w > mask_h) == (w > h) { Made::ForStored } else { Made::ForTurned })
+        tell.then_some(if (mask_w > mask_h) == (w > h) { Made::ForStored } else { Made::ForTurned })
     }
 
     /// What the mask itself tells: its EXIF data may ask for the turn of the photo.
