@@ -101,3 +101,40 @@ fn devices_in_place_of_files_are_refused_at_once() {
         assert!(text.contains("/dev/zero: a device"), "{arguments:?}: {text}");
     }
 }
+
+/// Trains a few steps on a capture of text poses and returns the bytes of the exported model.
+fn trained(capture: &Path, settings: &[&str]) -> Vec<u8> {
+    let folder = tempdir().unwrap();
+    let (run, model) = (folder.path().join("run"), folder.path().join("model.ply"));
+    let mut training = litetex();
+    training.arg("train").arg(capture).arg("-o").arg(&run);
+    let (code, text) = outcome(training.args(["--device", "cpu", "--steps", "3", "-q"]).args(settings));
+    assert_eq!(code, Some(0), "{text}");
+    let (code, text) = outcome(litetex().arg("export").arg(&run).arg(&model).args(["--device", "cpu", "-q"]));
+    assert_eq!(code, Some(0), "{text}");
+    std::fs::read(model).unwrap()
+}
+
+/// The rule against far cameras touches no capture without them.
+#[test]
+fn captures_without_far_cameras_train_to_the_same_bytes() {
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("capture");
+    let sample = ["sample", path.to_str().unwrap(), "--views", "9", "--size", "32x24", "--points", "100"];
+    let (code, text) = outcome(litetex().args(sample).args(["--text", "--no-truth", "-q"]));
+    assert_eq!(code, Some(0), "{text}");
+    let keep_far = ["--set", "capture.keep-far=true"];
+    let whole = trained(&path, &[]);
+    assert!(whole == trained(&path, &keep_far), "the same bytes");
+    // Negative control: one camera, 100 times too far.
+    let poses = path.join("sparse/0/images.txt");
+    let text = std::fs::read_to_string(&poses).unwrap();
+    let line = text.lines().rfind(|line| line.ends_with(".png")).unwrap();
+    let mut words: Vec<String> = line.split(' ').map(str::to_owned).collect();
+    for word in &mut words[5..8] {
+        *word = (100.0 * word.parse::<f64>().unwrap()).to_string();
+    }
+    std::fs::write(&poses, text.replace(line, &words.join(" "))).unwrap();
+    let without = trained(&path, &[]);
+    assert!(without != trained(&path, &keep_far) && without != whole);
+}

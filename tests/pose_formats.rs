@@ -332,6 +332,8 @@ fn cameras_of_which_one_is_broken_leave_that_one_out_by_name() {
         ("metashape", "label=\"", "broken=\"1\" label=\""),
         ("polycam", "\"fx\":", "\"fx\":-"),
         ("record3d", "", ""),
+        ("record3d", "length", ""),
+        ("scannetpp", "", ""),
     ] {
         let folder = tempdir().unwrap();
         let form = FORMS.iter().find(|form| form.name == name).unwrap();
@@ -346,7 +348,15 @@ fn cameras_of_which_one_is_broken_leave_that_one_out_by_name() {
             ),
             "record3d" => {
                 let mut json: serde_json::Value = serde_json::from_str(&text).unwrap();
-                json["poses"][3] = serde_json::json!([0, 0, 0, 0, 1, 2, 3]);
+                json["poses"][3] = match from {
+                    "length" => serde_json::json!([0, 0, 0, 1, 2, 3]),
+                    _ => serde_json::json!([0, 0, 0, 0, 1, 2, 3]),
+                };
+                json.to_string()
+            }
+            "scannetpp" => {
+                let mut json: serde_json::Value = serde_json::from_str(&text).unwrap();
+                json["frame_000003"].as_object_mut().unwrap().remove("intrinsic");
                 json.to_string()
             }
             _ => text.replacen(from, to, 1),
@@ -361,6 +371,60 @@ fn cameras_of_which_one_is_broken_leave_that_one_out_by_name() {
             warning.message
         );
     }
+}
+
+#[test]
+fn lists_points_and_masks_of_a_dslr_are_those_of_its_folders() {
+    let (_sample, photos) = sample();
+    let folder = tempdir().unwrap();
+    scannetpp_dslr(folder.path(), &photos, false);
+    let dslr = folder.path().join("dslr");
+    let names: Vec<String> = photos.iter().map(|photo| format!("{}.png", photo.stem)).collect();
+    let lists = serde_json::json!({"train": &names[..10], "test": &names[10..]});
+    std::fs::write(dslr.join("train_test_lists.json"), lists.to_string()).unwrap();
+    let ply = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n\
+               end_header\n0 0 1\n";
+    std::fs::write(dslr.join("nerfstudio/points3D.ply"), ply).unwrap();
+    let poses = dslr.join("nerfstudio/transforms.json");
+    let mut json: serde_json::Value = serde_json::from_slice(&std::fs::read(&poses).unwrap()).unwrap();
+    json["ply_file_path"] = "points3D.ply".into();
+    for frame in json["frames"].as_array_mut().unwrap() {
+        frame["mask_path"] = frame["file_path"].clone();
+    }
+    std::fs::write(&poses, json.to_string()).unwrap();
+    let archive = folder.path().join("scene.zip");
+    let mut zip = zip::ZipWriter::new(std::fs::File::create(&archive).unwrap());
+    for file in pose_files(&dslr).into_iter().chain(names.iter().map(|n| dslr.join("resized_images").join(n)))
+    {
+        let name = format!("scene/{}", file.strip_prefix(folder.path()).unwrap().display());
+        zip.start_file(name, zip::write::SimpleFileOptions::default()).unwrap();
+        std::io::Write::write_all(&mut zip, &std::fs::read(&file).unwrap()).unwrap();
+    }
+    zip.finish().unwrap();
+    let num_held_out = |capture: &Capture| {
+        capture.views.iter().filter(|v| v.split == litetex_gs::views::Split::Test).count()
+    };
+    for path in [folder.path(), &dslr, &archive] {
+        let capture = load(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+        assert_eq!((capture.format.name(), capture.views.len(), capture.points.len()), ("scannetpp", 12, 1));
+        assert_eq!(num_held_out(&capture), 2);
+        assert!(capture.split_by.contains("train_test_lists.json"), "{}", capture.split_by);
+        // Without the folder of masks.
+        let without = capture.report.warnings.iter().find(|w| w.code == "views-without-mask").unwrap();
+        assert_eq!(without.count, 12);
+    }
+    let masks = dslr.join("resized_anon_masks");
+    std::fs::create_dir(&masks).unwrap();
+    for name in &names {
+        image::GrayImage::from_pixel(48, 32, image::Luma([255])).save(masks.join(name)).unwrap();
+    }
+    std::fs::remove_file(dslr.join("train_test_lists.json")).unwrap();
+    let capture = load(folder.path()).unwrap();
+    assert!(
+        capture.report.warnings.iter().all(|w| w.code != "views-without-mask"),
+        "negative control: masks"
+    );
+    assert!(capture.split_by.contains("--test-every"), "negative control: no list");
 }
 
 #[test]

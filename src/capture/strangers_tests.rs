@@ -2,6 +2,7 @@
 
 use super::fixtures::{Scene, write_json};
 use super::*;
+use crate::views::ViewSource as _;
 use crate::{Error, Result};
 use glam::{DQuat, DVec3};
 use std::path::Path;
@@ -466,6 +467,28 @@ fn poses_in_the_places_of_other_programs_are_found() {
         let capture = load(folder.path()).unwrap();
         assert_eq!((capture.format.name(), has_warning(&capture, "poses-elsewhere")), ("transforms", false));
     }
+}
+
+#[test]
+fn a_folder_on_the_way_to_the_capture_may_be_called_distorted() {
+    let scene = Scene::ring(4);
+    let outer = tempdir().unwrap();
+    let root = outer.path().join("distorted/sparse/house");
+    scene.write_text(&root.join("model"));
+    scene.write_photos(&root.join("images"), (12, 8));
+    // Photos of another size, which would be taken if the name on the way counted.
+    scene.write_photos(&root.join("input"), (24, 16));
+    let photo_of = |capture: Capture| capture.target(0).map(|image| image.rgb[..9].to_vec()).unwrap();
+    let inside = photo_of(load(&root).unwrap());
+    std::fs::remove_dir_all(root.join("input")).unwrap();
+    assert_eq!(inside, photo_of(load(&root).unwrap()));
+    // Negative control: the converter's own place.
+    std::fs::create_dir(root.join("distorted")).unwrap();
+    std::fs::rename(root.join("model"), root.join("distorted/sparse")).unwrap();
+    let mut other = scene.clone();
+    other.images.reverse();
+    other.write_photos(&root.join("input"), (12, 8));
+    assert_ne!(inside, photo_of(load(&root).unwrap()));
 }
 
 #[test]

@@ -31,7 +31,7 @@ pub(crate) fn files(folder: &Path, extension: &str, depth: usize) -> Vec<PathBuf
 /// Whether the first bytes of a regular file hold all of these texts.
 pub(crate) fn begins_with_all(path: &Path, texts: &[&str]) -> bool {
     // The longest preamble of the formats: attributes of other programs in a sidecar file.
-    const HEAD_BYTES: u64 = 16 << 10;
+    const HEAD_BYTES: u64 = 1 << 20;
     let mut head = Vec::new();
     let is_read = path.is_file()
         && File::open(path).is_ok_and(|file| file.take(HEAD_BYTES).read_to_end(&mut head).is_ok());

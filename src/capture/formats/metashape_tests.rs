@@ -174,6 +174,34 @@ fn cameras_without_pose_or_in_other_components_are_counted() {
 }
 
 #[test]
+fn cameras_of_a_broken_component_are_left_out() {
+    let transform = |scale: &str| {
+        format!(
+            "<transform><rotation>0 -1 0 1 0 0 0 0 1</rotation><translation>5 0 0</translation><scale>{scale}</scale>\
+             </transform>"
+        )
+    };
+    let xml = |scale: &str, num_broken: usize| {
+        let component =
+            |id: u32, scale: &str| format!("<component id='{id}'>{}</component>", transform(scale));
+        let components = format!("<components>{}{}</components>", component(0, "2"), component(1, scale));
+        let cameras: Vec<&str> =
+            (0..11).map(|i| if i < num_broken { "component_id='1'" } else { "component_id='0'" }).collect();
+        small(&components, CALIBRATION, &cameras).replace("<camera id='9' sensor_id='0' label='9'/>", "")
+    };
+    let names: Vec<String> = (0..11).map(|i| format!("{i}.png")).collect();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    assert_eq!(source(&xml("3", 1), &names).unwrap().views.len(), 11, "negative control");
+    for scale in ["x", "0", "nan"] {
+        let one = source(&xml(scale, 1), &names).unwrap();
+        assert_eq!((one.views.len(), one.names_unused(Why::Broken)), (10, vec!["0"]), "{scale}");
+        assert_eq!(warnings(&one), ["views-left-out"]);
+        let text = source(&xml(scale, 3), &names).unwrap_err().to_string();
+        assert!(text.contains("3 of 11 views") && text.contains("camera \"0\""), "{text}");
+    }
+}
+
+#[test]
 fn other_lenses_and_broken_cameras_are_named() {
     let error = |xml: &str| source(xml, &["0.png", "1.png"]).unwrap_err();
     let fisheye = small("", &CALIBRATION.replace("frame", "fisheye"), &["", ""]);

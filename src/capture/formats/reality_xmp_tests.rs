@@ -112,6 +112,21 @@ fn sidecars_without_pose_are_counted_and_those_of_other_programs_ignored() {
 }
 
 #[test]
+fn sidecars_of_photo_editors_may_have_long_tags() {
+    let xmlns = "xmlns:xcr=\"http://www.capturingreality.com/ns/xcr/1.1#\"";
+    let with = |before_bytes: usize, after_bytes: usize| {
+        let [before, after] = [before_bytes, after_bytes].map(|bytes| "0, ".repeat(bytes / 3));
+        let crs = "xmlns:crs=\"http://ns.adobe.com/camera-raw-settings/1.0/\"";
+        let tag = format!("{crs} crs:Curve=\"{before}\" {xmlns} crs:Mask=\"{after}\"");
+        let text = PORTRAIT.replace(xmlns, &tag);
+        source(&written("", &[("a", &text), ("b", PORTRAIT)]))
+    };
+    assert_eq!(with(100_000, 50_000).unwrap().views.len(), 2);
+    let text = with(0, 2_000_000).unwrap_err().to_string();
+    assert!(text.contains("camera \"a\"") && text.contains("a tag has"), "negative control: {text}");
+}
+
+#[test]
 fn what_is_not_read_is_named() {
     let error = |from: &str, to: &str| {
         let text = PORTRAIT.replace(from, to);

@@ -8,8 +8,11 @@ use std::path::Path;
 /// The cameras of 20,000 photos take less.
 const FILE_BYTES_MAX: u64 = 32 << 20;
 
-/// A tag with its attributes; the longest that the programs write have 1,000 bytes.
-const TAG_BYTES_MAX: usize = 4096;
+/// A tag with its attributes: programs that edit photos keep masks and curves in those of sidecar files.
+const TAG_BYTES_MAX: usize = 1 << 20;
+
+/// Of a tag, which the parser compares with each other. Programs that edit photos write some 300.
+const ATTRIBUTES_MAX: usize = 1000;
 
 /// The documents of the formats that are read have up to ten.
 const NAMESPACES_MAX: usize = 64;
@@ -33,8 +36,21 @@ pub(crate) fn parse<'a>(path: &Path, text: &'a str) -> Result<Document<'a>> {
             return Err(unsupported!(path, "more than {NODES_MAX} {what}, which is the limit"));
         }
     }
-    if let Some(bytes) = longest_tag(text).filter(|bytes| *bytes > TAG_BYTES_MAX) {
-        return Err(unsupported!(path, "a tag has {bytes} bytes, expected at most {TAG_BYTES_MAX}"));
+    for tag in text.split('<').skip(1).map(Tag::of) {
+        if tag.bytes > TAG_BYTES_MAX {
+            return Err(unsupported!(
+                path,
+                "a tag has {} bytes, expected at most {TAG_BYTES_MAX}",
+                tag.bytes
+            ));
+        }
+        if tag.attributes > ATTRIBUTES_MAX {
+            let count = tag.attributes;
+            return Err(unsupported!(
+                path,
+                "a tag has {count} attributes, expected at most {ATTRIBUTES_MAX}"
+            ));
+        }
     }
     if text.matches("xmlns").nth(NAMESPACES_MAX).is_some() {
         return Err(unsupported!(path, "more than {NAMESPACES_MAX} declarations of namespaces (xmlns)"));
@@ -44,22 +60,27 @@ pub(crate) fn parse<'a>(path: &Path, text: &'a str) -> Result<Document<'a>> {
         .map_err(|e| invalid!(path, "not a valid XML document: {e}; export it again"))
 }
 
-/// Bytes from a `<` to the `>` that ends its tag: one outside quotes.
-fn longest_tag(text: &str) -> Option<usize> {
-    text.split('<').skip(1).map(bytes_of_tag).max()
+/// The size of a tag, to the `>` that ends it: one outside quotes.
+struct Tag {
+    bytes: usize,
+    attributes: usize,
 }
 
-fn bytes_of_tag(tag: &str) -> usize {
-    let mut open_quote = None;
-    for (at, sign) in tag.bytes().enumerate() {
-        match (open_quote, sign) {
-            (None, b'>') => return at,
-            (None, b'"' | b'\'') => open_quote = Some(sign),
-            (Some(quote), _) if quote == sign => open_quote = None,
-            _ => {}
+impl Tag {
+    /// `tag`: the text after its `<`.
+    fn of(tag: &str) -> Self {
+        let (mut open_quote, mut attributes) = (None, 0);
+        for (at, sign) in tag.bytes().enumerate() {
+            match (open_quote, sign) {
+                (None, b'>') => return Self { bytes: at, attributes },
+                (None, b'=') => attributes += 1,
+                (None, b'"' | b'\'') => open_quote = Some(sign),
+                (Some(quote), _) if quote == sign => open_quote = None,
+                _ => {}
+            }
         }
+        Self { bytes: tag.len(), attributes }
     }
-    tag.len()
 }
 
 /// The text inside an element, without blanks around it.
@@ -102,11 +123,14 @@ mod tests {
     fn documents_that_would_take_too_long_are_refused_before_they_are_parsed() {
         assert!(parse(Path::new("a.xml"), "<a b='1'><c/></a>").is_ok(), "negative control");
         let attributes: String = (0..2000).map(|i| format!(" a{i}=''")).collect();
-        assert!(refused(&format!("<a{attributes}/>")).contains("a tag has"));
+        assert!(refused(&format!("<a{attributes}/>")).contains("a tag has 2000 attributes"));
         assert!(
-            refused(&format!("<a b='>' c=\">\"{attributes}/>")).contains("a tag has"),
+            refused(&format!("<a b='>' c=\">\"{attributes}/>")).contains("a tag has 2002 attributes"),
             "behind quoted brackets"
         );
+        let long = |bytes: usize| format!("<a b='{}'/>", "=x>>".repeat(bytes / 4));
+        assert!(parse(Path::new("a.xml"), &long(100_000)).is_ok(), "negative control");
+        assert!(refused(&long(TAG_BYTES_MAX)).contains("bytes, expected at most"));
         assert!(refused(&format!("<a>{}</a>", "=".repeat(NODES_MAX as usize + 1))).contains("attributes"));
         let nested: String = (0..100).map(|i| format!("<a xmlns:b{i}='{i}'>")).collect();
         assert!(refused(&nested).contains("namespaces"));
