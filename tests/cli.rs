@@ -140,7 +140,7 @@ fn wrong_input_exits_with_3_and_leaves_no_run_behind() {
     ] {
         let (code, stdout, stderr) = run(&arguments);
         assert_eq!(code, 3, "{arguments:?}: {stderr}");
-        assert!(stdout.is_empty() && stderr.starts_with("error: "), "{stderr}");
+        assert!(stdout.is_empty() && stderr.starts_with("error["), "{stderr}");
         for part in parts {
             assert!(stderr.contains(part), "{arguments:?}: {stderr}");
         }
