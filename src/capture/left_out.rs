@@ -105,7 +105,10 @@ fn is_place(point: &SfmPoint) -> bool {
 /// # Errors
 /// [`crate::Error::InvalidInput`] if they are more than a tenth of all.
 pub(crate) fn points(source: &mut Source, report: &mut Report) -> Result<()> {
-    let mut left_out = std::mem::take(&mut source.broken_points);
+    let mut left_out = LeftOut::default();
+    for (name, problem) in std::mem::take(&mut source.broken_points) {
+        left_out.push(name, problem);
+    }
     let total = source.points.len() + left_out.count();
     push_points(&source.points, &mut left_out);
     if left_out.count() == 0 {

@@ -1,7 +1,6 @@
 //! What every pose format is read into: views with lens and pose in the frame of the capture, and points.
 //! Later steps do not depend on the format.
 
-use super::left_out::LeftOut;
 use super::lens::Lens;
 use super::photo_folder::Match;
 use crate::Report;
@@ -98,8 +97,8 @@ pub(crate) struct Source {
     pub path: PathBuf,
     pub views: Vec<SourceView>,
     pub points: Vec<SfmPoint>,
-    /// Points that cannot be read.
-    pub broken_points: LeftOut,
+    /// Points that cannot be read: what each is called, and what is wrong with it.
+    pub broken_points: Vec<(String, String)>,
     /// Up as the format defines it, a unit vector, where it does.
     pub stated_up: Option<DVec3>,
     /// The program whose poses are in metres, where the format says so.
@@ -122,7 +121,7 @@ impl Source {
             path: path.to_owned(),
             views: Vec::new(),
             points: Vec::new(),
-            broken_points: LeftOut::default(),
+            broken_points: Vec::new(),
             stated_up: None,
             metric: None,
             points_file: None,

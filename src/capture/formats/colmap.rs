@@ -89,7 +89,7 @@ pub(super) fn read(folder: &Path) -> Result<Source> {
     }
     left_out.finish_views(folder, sparse.images.count(), &mut source)?;
     for point in &sparse.points.broken {
-        source.broken_points.push(point.element("point"), point.problem());
+        source.broken_points.push((point.element("point"), point.problem()));
     }
     std::mem::swap(&mut source.report, &mut report);
     if lost > 0 && !points.is_empty() {
