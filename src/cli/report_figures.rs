@@ -1,4 +1,4 @@
-//! What `litetex report` states besides pictures: the capture, files, settings and rights.
+//! What `litetex report` states besides images: the capture, files, settings and rights.
 
 use super::sources::{read_limits, read_scene};
 use litetex_exporters::{Format, Provenance, read_fallback};

@@ -1,6 +1,6 @@
 //! Shares as horizontal bars.
 
-use super::html::escaped_text;
+use super::escape::escaped_text;
 use std::fmt::Write as _;
 
 /// Height of a row, in units of the drawing, as those below.

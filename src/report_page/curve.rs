@@ -1,6 +1,6 @@
 //! The curve of a training, from the lines of `metrics.jsonl`, and its drawing.
 
-use super::html::escaped_text;
+use super::escape::escaped_text;
 use crate::text::{format_count, format_duration};
 use serde_json::Value;
 use std::fmt::Write as _;

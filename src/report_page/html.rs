@@ -1,15 +1,10 @@
 //! The page: the one that draws scenes, with a style and sections added before its policy is made.
 
-use super::ReportFigures;
+use super::figures::ReportFigures;
 use super::sections::sections;
-use crate::text::{printable, shortened};
 use crate::{Error, Result};
 use litetex_exporters::Provenance;
-use litetex_exporters::html::{Page, escaped, wrapped};
-use std::borrow::Cow;
-
-/// Characters of a text at most: names from files may have any number.
-const TEXT_CHARS_MAX: usize = 400;
+use litetex_exporters::html::{Page, wrapped};
 
 /// Makes the report: `ltgs` is the scene as a `.ltgs` file, `facts` its metadata.
 ///
@@ -27,11 +22,4 @@ pub fn report_html(figures: &ReportFigures, ltgs: &[u8], facts: &Provenance) -> 
     let end = html.rfind("</body>").ok_or_else(|| usage!("the page has no </body>"))?;
     let html = format!("{}{report}{}", &html[..end], &html[end + "</body>".len()..]);
     wrapped(&Page::new(&html), ltgs, facts).map_err(Error::from)
-}
-
-/// Text from anywhere as it stands in an element or a quoted attribute.
-pub fn escaped_text(text: &str) -> String {
-    let text = printable(text, &[]);
-    let short: Cow<'_, str> = shortened(&text, TEXT_CHARS_MAX);
-    escaped(&short)
 }

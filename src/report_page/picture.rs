@@ -1,4 +1,4 @@
-//! Pictures of a page: JPEG files of bounded size.
+//! Images in a page: JPEG files of bounded size.
 
 use crate::image::{JPEG_QUALITY, encode_jpeg};
 use base64::prelude::{BASE64_STANDARD, Engine as _};
@@ -6,7 +6,7 @@ use image::RgbImage;
 use image::imageops::{FilterType, resize};
 use std::io;
 
-/// Longest side of a picture in a report: three stand side by side.
+/// Longest side of an image in a report: three stand side by side.
 pub const PICTURE_PX: u32 = 480;
 
 /// A JPEG file.
@@ -36,7 +36,7 @@ impl Picture {
         Ok(Self { width_px, height_px, jpeg: encode_jpeg(width_px, height_px, &image, JPEG_QUALITY)? })
     }
 
-    /// The picture as a URL that holds it.
+    /// The image as a URL that holds it.
     pub(super) fn url(&self) -> String {
         format!("data:image/jpeg;base64,{}", BASE64_STANDARD.encode(&self.jpeg))
     }

@@ -1,8 +1,10 @@
 //! The sections beneath the scene.
 
 use super::bars::bars;
-use super::html::escaped_text as e;
-use super::{Coverage, FileFigures, Picture, ReportFigures, WorstView, WorstViews};
+use super::coverage::Coverage;
+use super::escape::escaped_text as e;
+use super::figures::{FileFigures, ReportFigures, WorstView, WorstViews};
+use super::picture::Picture;
 use crate::capture::{Rating, Reason, Verdict};
 use crate::text::{counted, format_bytes};
 use std::fmt::Write as _;

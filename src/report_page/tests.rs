@@ -3,8 +3,9 @@
 use super::*;
 use crate::backend::RenderedImage;
 use crate::camera::{Camera, Pinhole, RigidTransform};
-use crate::capture::{Rating, Reason};
+use crate::capture::{Rating, Reason, Verdict};
 use litetex_exporters::Provenance;
+use std::path::Path;
 
 const HOSTILE: &str = "</script><script>alert(1)</script>\"' onerror=\"x\u{202e}";
 
