@@ -1,13 +1,15 @@
 #!/usr/bin/env python3
-"""Compares the poses that `litetex capture` found for a made video with the true ones. Needs NumPy.
+"""Compares the poses that `litetex capture` found with the true ones, or with those of another capture. Needs NumPy.
 
     litetex sample video --video 720 --size 640x480
     litetex capture video/video.avi -o capture --frames 240
     scripts/compare_poses.py capture video/truth/poses.json
+    scripts/compare_poses.py capture other-capture/sparse/0/images.bin
 
 Aligns the found cameras with the true ones by a similarity (Umeyama), and prints as JSON the photos with a pose, the median
 and largest errors of direction and of position (as a share of the extent of the true cameras), and how many blurred frames
-were chosen. Exits with 1 if the medians exceed 0.5 degrees or 1 %, fewer than 90 % have a pose, or a blurred frame is there.
+were chosen. Photos of another capture are found by name. Exits with 1 if the medians exceed 0.5 degrees or 1 %, fewer than
+90 % have a pose, or a blurred frame is there.
 """
 
 import json
@@ -49,28 +51,38 @@ def similarity(found, true):
     return scale, rotation, mean_true - scale * rotation @ mean_found
 
 
+def read_truth(path, names):
+    """{name: (rotation, translation, whether it is blurred)} of camera_from_capture, of those of these photos that have one."""
+    if path.suffix == ".bin":
+        return {name: (*pose, False) for name, pose in read_images(path).items() if name in names}
+    frames = json.loads(path.read_text())["frames"]
+    of = {name: frames[int(re.search(r"(\d+)\D*$", name)[1])] for name in names}
+    rows = lambda f: (np.array(f["camera_from_capture_rows"]), np.array(f["translation"]), f["blurred"])
+    return {name: rows(frame) for name, frame in of.items()}
+
+
 def main():
-    capture, truth = Path(sys.argv[1]), json.loads(Path(sys.argv[2]).read_text())
+    capture = Path(sys.argv[1])
     images = read_images(capture / "sparse/0/images.bin")
-    number = lambda name: int(re.search(r"(\d+)\D*$", name)[1])
     photos = [path.name for path in (capture / "images").iterdir()]
-    names = sorted(images)
-    true = [truth["frames"][number(name)] for name in names]
-    rows = [np.array(frame["camera_from_capture_rows"]) for frame in true]
-    true_centres = np.array([-r.T @ np.array(f["translation"]) for r, f in zip(rows, true)])
+    truth = read_truth(Path(sys.argv[2]), photos)
+    names = sorted(name for name in images if name in truth)
+    rows = [truth[name][0] for name in names]
+    true_centres = np.array([-truth[name][0].T @ truth[name][1] for name in names])
     centres = np.array([-images[name][0].T @ images[name][1] for name in names])
     scale, turn, shift = similarity(centres, true_centres)
     extent = np.linalg.norm(true_centres.max(0) - true_centres.min(0))
     position = np.linalg.norm(scale * centres @ turn.T + shift - true_centres, axis=1) / extent
     relative = [images[name][0] @ turn.T @ r.T for name, r in zip(names, rows)]
     angle = np.degrees([np.arccos(np.clip((np.trace(m) - 1) / 2, -1, 1)) for m in relative])
-    blurred = sum(truth["frames"][number(name)]["blurred"] for name in photos)
-    share = len(names) / len(photos)
+    blurred = sum(blurred for *_, blurred in truth.values())
+    share = len(images) / len(photos)
     print(
         json.dumps(
             {
                 "photos": len(photos),
-                "registered": len(names),
+                "registered": len(images),
+                "compared": len(names),
                 "median_error_deg": float(np.median(angle)),
                 "largest_error_deg": float(angle.max()),
                 "median_error_of_extent": float(np.median(position)),

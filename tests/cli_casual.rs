@@ -127,7 +127,7 @@ fn photos_without_poses_and_videos_are_refused_with_what_to_do() {
         ("a.HEIC", "litetex capture"),
         ("clip.mp4", "litetex capture"),
         ("videos", "litetex capture"),
-        ("x.zip", "unpack it"),
+        ("x.zip", "unpack it, and \"litetex capture FOLDER -o CAPTURE\" finds them"),
     ] {
         let (code, text) = refused(dir.path(), &["train", source, "-o", "run"]);
         assert!([3, 4].contains(&code) && text.contains(command), "{source}: {text}");

@@ -222,8 +222,8 @@ fn a_step_that_fails_is_named_with_its_log_and_the_next_run_goes_on_from_there()
     assert!(code == 2 && text.contains("holds a capture already"), "{text}");
 }
 
-#[test]
-fn a_run_that_was_killed_goes_on_and_other_settings_begin_anew() {
+/// Kills a run while it matches pairs. The next run meets a lock as long as the first lives.
+fn killed_while_matching() -> Place {
     let place = Place::new().colmap("4.0").photos();
     place.write("wait-matches_importer", "");
     let mut child = place.command(&PHOTOS).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
@@ -238,11 +238,41 @@ fn a_run_that_was_killed_goes_on_and_other_settings_begin_anew() {
     child.kill().unwrap();
     child.wait().unwrap();
     fs::remove_file(place.path("wait-matches_importer")).unwrap();
-    let before = place.count("feature_extractor");
+    place
+}
+
+#[test]
+fn a_run_that_was_killed_goes_on_and_other_settings_begin_anew() {
+    let all = ["feature_extractor", "matches_importer", "mapper"];
+    // Features are found, so the same settings repeat the matching only, into the database that is there.
+    let place = killed_while_matching();
+    assert_eq!(all.map(|step| place.count(step)), [2, 1, 0]);
+    let copied = place.path("out folder/.capture-work/images/b.png");
+    let written = fs::metadata(&copied).unwrap().modified().unwrap();
+    fs::write(place.path("out folder/.capture-work/database.db"), "half of the matches").unwrap();
+    place.write("wait-mapper", "");
+    let mut child = place.command(&PHOTOS).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    for _ in 0..300 {
+        if place.count("mapper") > 0 {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(100));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    fs::remove_file(place.path("wait-mapper")).unwrap();
+    assert_eq!(all.map(|step| place.count(step)), [2, 2, 1], "features are not found again");
+    assert_eq!(fs::metadata(&copied).unwrap().modified().unwrap(), written, "photos are not copied again");
+    let (code, text) = place.run(&PHOTOS);
+    assert_eq!(code, 0, "{text}");
+    assert_made(&place, &text);
+    assert_eq!(all.map(|step| place.count(step)), [2, 2, 2], "nor are pairs matched again");
+    // Negative control: other settings need other features, and all that follows.
+    let place = killed_while_matching();
     let (code, text) = place.run(&[&PHOTOS[..], &["--poses", "full"]].concat());
     assert_eq!(code, 0, "{text}");
     assert_made(&place, &text);
-    assert_eq!((before, place.count("feature_extractor")), (2, 4), "other features");
+    assert_eq!(all.map(|step| place.count(step)), [4, 2, 1]);
 }
 
 #[test]
@@ -268,6 +298,71 @@ fn missing_programs_are_named_with_what_to_install_and_print_shows_the_commands(
     let (code, text) = place.run(&PHOTOS);
     assert!(code == 3 && text.contains("d.heic"), "{text}");
     assert!(!place.path("out folder").exists(), "nothing half-written");
+}
+
+/// Runs what `--print` prints, and says how `litetex train` would be called.
+fn run_printed(place: &Place, arguments: &[&str]) -> String {
+    let (code, text) = place.run(&[arguments, &["--print"]].concat());
+    assert_eq!(code, 0, "{text}");
+    place.write("calls", "");
+    let path = format!("{}:/usr/bin:/bin", place.path("bin").display());
+    let mut shell = Command::new("sh");
+    let output = shell.args(["-euc", &text]).current_dir(place.0.path()).env("PATH", path).output().unwrap();
+    assert!(output.status.success(), "{}\n{text}", String::from_utf8_lossy(&output.stderr));
+    assert_eq!(fs::read(place.path("out folder/sparse/0/images.bin")).unwrap()[0], 3, "the larger model");
+    fs::read_to_string(place.path("trained")).unwrap()
+}
+
+#[test]
+fn printed_commands_make_the_same_capture() {
+    const TRAIN: &str = "printf '%s|' \"$@\" > \"$HERE/trained\"\n";
+    let probe = r#"{"streams":[{"width":64,"height":48,"avg_frame_rate":"30/1","duration":"1.0"}]}"#;
+    let lines = |place: &Place, name: &str| {
+        fs::read_to_string(place.path("out folder").join(name)).unwrap().lines().count()
+    };
+    for python in [false, true] {
+        let job = |place: &Place| -> serde_json::Value {
+            serde_json::from_str(&fs::read_to_string(place.path("features.json")).unwrap()).unwrap()
+        };
+        let steps = |place: &Place| {
+            let names = if python {
+                ["py features", "py matching", "py mapping"]
+            } else {
+                ["feature_extractor", "matches_importer", "mapper"]
+            };
+            names.map(|name| place.count(name))
+        };
+        let engine = |place: Place| match python {
+            true => {
+                place.write("version", "4.2.1");
+                place.program("python3", PYTHON)
+            }
+            false => place.colmap("3.8"),
+        };
+        let place = engine(Place::new().program("litetex", TRAIN)).photos();
+        fs::create_dir(place.path("my photos/inner")).unwrap();
+        image::RgbImage::new(40, 30).save(place.path("my photos/inner/d.png")).unwrap();
+        assert_eq!(run_printed(&place, &PHOTOS), "train|out folder|-o|RUN|");
+        // Two sizes are two cameras: COLMAP is called for each.
+        assert_eq!(steps(&place), [if python { 1 } else { 2 }, 1, 1], "{}", place.calls());
+        assert_eq!((lines(&place, "names.txt"), lines(&place, "pairs.txt")), (4, 6));
+
+        let place = engine(Place::new().program("litetex", TRAIN).ffmpeg(probe, ""));
+        place.write("my clip.mp4", "");
+        place.write("frames", "25");
+        assert_eq!(
+            run_printed(&place, &["capture", "my clip.mp4", "-o", "out folder"]),
+            "train|out folder|-o|RUN|"
+        );
+        assert_eq!(steps(&place), [1, 1, 1], "{}", place.calls());
+        // Each of 25 frames with the 10 that follow, and the first with the 21st, a tenth.
+        assert_eq!((lines(&place, "names.txt"), lines(&place, "pairs.txt")), (25, 25 * 10 - 55 + 1));
+        if python {
+            assert_eq!(job(&place)["cameras"], serde_json::json!([{ "parameters": "", "names": [] }]));
+        } else {
+            assert_eq!(lines(&place, "camera-0.txt"), 25);
+        }
+    }
 }
 
 #[test]

@@ -22,7 +22,7 @@ use std::path::Path;
 
 /// What to do with an archive of photos without poses: commands need a folder.
 const UNPACK: &str =
-    "its photos have no poses yet; unpack it, and \"litetex train FOLDER\" says how to find them";
+    "its photos have no poses yet; unpack it, and \"litetex capture FOLDER -o CAPTURE\" finds them";
 
 /// The same where its poses lie deep inside.
 const UNPACK_AND_NAME: &str =

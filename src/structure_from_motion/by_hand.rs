@@ -1,5 +1,6 @@
 //! The same work as commands that a person may run, for `--print` and where a program is missing.
 
+use super::camera::Camera;
 use super::child::Command;
 use super::engine::{Engine, Job, SCRIPT, Step};
 use super::pairs::{EVERY, EXHAUSTIVE_MAX, NEXT};
@@ -8,7 +9,11 @@ use super::settings::Settings;
 use super::tools::{Ffmpeg, Tools};
 use super::video::Video;
 use crate::capture::shell_word;
+use std::collections::BTreeSet;
 use std::path::Path;
+
+/// All photos, in order, one name on each line.
+const NAMES: &str = "names.txt";
 
 /// What there is to work on.
 pub enum Material<'a> {
@@ -17,10 +22,11 @@ pub enum Material<'a> {
     Photos(&'a [Photo]),
 }
 
-/// Commands of a POSIX shell that make the capture, one on each line.
+/// Commands of a POSIX shell that make the capture.
 pub fn commands(material: &Material, tools: &Tools, settings: &Settings, capture: &Path) -> String {
     let images = capture.join("images");
     let mut text = format!("mkdir -p {} {}\n", shell_word(&images), shell_word(&capture.join("models")));
+    let names = shell_word(&capture.join(NAMES));
     let ffmpeg = tools.ffmpeg.clone().unwrap_or_else(|| Ffmpeg {
         ffmpeg: "ffmpeg".into(),
         ffprobe: "ffprobe".into(),
@@ -41,10 +47,16 @@ pub fn commands(material: &Material, tools: &Tools, settings: &Settings, capture
                     .arg(images.join("frame_%05d.jpg")),
             };
             text.push_str(&format!("{}\n", command.shell()));
-            groups = Vec::new();
+            // One camera for all frames, whose names are not known yet.
+            let size = video.map_or((0, 0), |video| video.size);
+            groups = vec![Camera { focal_px: None, size, names: Vec::new() }];
             true
         }
         Material::Photos(photos) => {
+            let inner = photos.iter().filter_map(|photo| Path::new(&photo.name).parent());
+            for folder in inner.filter(|f| !f.as_os_str().is_empty()).collect::<BTreeSet<_>>() {
+                text.push_str(&format!("mkdir -p {}\n", shell_word(&images.join(folder))));
+            }
             for photo in *photos {
                 text.push_str(&format!("{}\n", photo.by_hand(tools, &images.join(&photo.name))));
             }
@@ -56,18 +68,21 @@ pub fn commands(material: &Material, tools: &Tools, settings: &Settings, capture
     let is_pair =
         if is_sequence { format!("j<=i+{NEXT}||i%{EVERY}==1&&j%{EVERY}==1") } else { "1".to_owned() };
     text.push_str(&format!(
-        "(cd {} && find . -type f | sed 's|^./||' | sort) > {names}\n\
+        "(cd {} && find . -type f | sed 's|^./||' | LC_ALL=C sort) > {names}\n\
          awk '{{n[NR]=$0}} END{{for(i=1;i<=NR;i++)for(j=i+1;j<=NR;j++)if({is_pair})print n[i],n[j]}}' {names} > {}\n",
         shell_word(&images),
         shell_word(&capture.join("pairs.txt")),
-        names = shell_word(&capture.join("camera-0.txt")),
     ));
     let job = Job::in_folder(capture, &groups, settings.quality, settings.threads);
     poses(&mut text, tools.engine.as_ref(), &job, capture);
+    // Each model begins with the number of its photos; the first of the largest is kept.
     text.push_str(&format!(
-        "mkdir -p {sparse}; mv {}/0 {sparse}/\nlitetex train {} -o RUN\n",
-        shell_word(&job.models),
+        "largest=$(cd {models} && for model in *; do echo $(od -An -tu8 -N8 \"$model/images.bin\") \"$model\"; done \
+         | sort -s -k1,1nr | sed -n '1s/^[0-9]* //p')\n\
+         mkdir -p {sparse} && mv {models}/\"$largest\" {sparse}/0\n\
+         litetex train {} -o RUN\n",
         shell_word(capture),
+        models = shell_word(&job.models),
         sparse = shell_word(&capture.join("sparse")),
     ));
     text
@@ -88,8 +103,14 @@ fn poses(text: &mut String, engine: Option<&Engine>, job: &Job, capture: &Path) 
         }
         Engine::Colmap { .. } => {
             for (index, camera) in job.cameras.iter().enumerate() {
+                let file = format!("camera-{index}.txt");
+                if camera.names.is_empty() {
+                    let copy = Command::new("cp").arg(capture.join(NAMES)).arg(capture.join(file));
+                    text.push_str(&format!("{}\n", copy.shell()));
+                    continue;
+                }
                 let list: String = camera.names.iter().map(|name| format!("{name}\n")).collect();
-                write(text, &format!("camera-{index}.txt"), &list);
+                write(text, &file, &list);
             }
         }
     }

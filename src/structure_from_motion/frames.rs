@@ -9,6 +9,9 @@ const FRAMES: RangeInclusive<usize> = 150..=300;
 const FRAMES_PER_SEC: f64 = 3.0;
 
 /// A frame is blurred if it has less than this share of the detail that frames near it have in some direction.
+/// Measured: sharp frames of made videos keep at least 0.71 of it, blurred ones at most 0.37. Motion over 3 of 640 pixels leaves
+/// photos of fox, flower and bonsai at most 0.32, over 2 pixels 0.36 to 0.60. Their sharp photos stand further apart than
+/// frames do: 0 of 25 (flower), 4 of 40 (fox) and 3 of 22 (bonsai) fall below.
 const BLURRED_BELOW: f32 = 0.5;
 
 /// Detail of a frame along rows, columns and both diagonals. Motion blurs along its own direction only.

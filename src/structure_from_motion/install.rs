@@ -75,6 +75,13 @@ impl Program {
                 "litetex-python\\Scripts\\pip install pycolmap",
                 "setx LITETEX_PYTHON \"%CD%\\litetex-python\\Scripts\\python.exe\"",
             ],
+            // Debian's Python makes no venv by itself.
+            (Self::Pycolmap, S::Debian) => &[
+                "sudo apt install python3-venv",
+                "python3 -m venv ~/litetex-python",
+                "~/litetex-python/bin/pip install pycolmap",
+                "export LITETEX_PYTHON=~/litetex-python/bin/python",
+            ],
             (Self::Pycolmap, _) => &[
                 "python3 -m venv ~/litetex-python",
                 "~/litetex-python/bin/pip install pycolmap",
@@ -108,6 +115,12 @@ mod tests {
             ("ID=alpine\n", System::OtherLinux),
         ] {
             assert_eq!(System::of_release(text), system, "{text}");
+        }
+        let page = include_str!("../../docs/first-scene.md");
+        for system in [System::Debian, System::Fedora, System::Arch, System::Mac, System::Windows] {
+            for command in [Program::Ffmpeg, Program::Pycolmap].iter().flat_map(|p| p.commands(system)) {
+                assert!(page.contains(command), "docs/first-scene.md lacks {command}");
+            }
         }
         let all = [Program::Ffmpeg, Program::HeifConvert, Program::Pycolmap];
         let debian = advice(&all, System::Debian);
