@@ -28,7 +28,7 @@ pub struct EvalArgs {
     /// Capture of the run, if it has been moved
     #[arg(long, value_name = "DIR")]
     capture: Option<PathBuf>,
-    /// Judge on photos of this longer side at most, pixels, such as the full size after a training on smaller ones [default: as
+    /// Compare with photos of this longer side at most, pixels, such as the full size after a training on smaller ones [default: as
     /// the run was trained]
     #[arg(long, value_name = "PX", value_parser = whole::<u32>(u64::from(MAX_RESOLUTION_MIN)..=65_536))]
     max_resolution: Option<u32>,

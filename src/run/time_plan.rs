@@ -9,7 +9,7 @@ use crate::{Error, Result};
 /// Bounds of the longer side on offer, pixels.
 const SIDES_PX: [u32; 8] = [160, 240, 320, 480, 640, 960, 1280, 1600];
 
-/// Images are as large as leaves time for this many steps. Not measured: it keeps every view of usual captures in sight a
+/// Images are as large as leaves time for this many steps. Not measured: it shows every view of usual captures a
 /// dozen times.
 const WANTED_STEPS: u32 = 600;
 
