@@ -88,7 +88,7 @@ pub struct TrainingArgs {
     #[arg(long, visible_alias = "iterations", value_name = "N", value_parser = whole::<u32>(1..=u64::MAX))]
     pub steps: Option<u32>,
     /// Time from start to exit, --export not counted: 90s, 20m, 1h30m. Steps and image size are chosen for this device; the
-    /// run's config.toml repeats them without a clock [default, without --steps, --config and a published profile: 15m
+    /// run's config.toml repeats them without a clock [default, without --steps, --config and a published profile: at most 15m
     /// without a GPU, 5m with one]
     #[arg(long, value_name = "TIME", value_parser = parse_duration_secs, conflicts_with_all = ["steps", "config"])]
     pub time: Option<f64>,
