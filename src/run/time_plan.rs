@@ -224,7 +224,7 @@ mod tests {
         // Where the time need not be used, a small capture is done earlier; a large one takes what it gets.
         let enough = Situation { enough_steps: Some(4_000), ..small }.plan(&config).unwrap();
         assert!(enough.steps == 4_000 && enough.done_secs < 0.3 * plan.done_secs, "{enough:?}");
-        let large = Situation { enough_steps: Some(4_000), ..FOX };
+        let large = Situation { enough_steps: Some(12_000), ..FOX };
         assert_eq!(large.plan(&config).unwrap(), of(600.0));
         let kept = Situation { keeps_size: true, ..FOX }.plan(&config).unwrap();
         assert_eq!(kept.max_resolution, None);
