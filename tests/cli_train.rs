@@ -222,7 +222,12 @@ fn a_time_is_kept_from_start_to_exit_and_progress_can_be_json() {
     }
     let summary = place.json("run/summary.json");
     assert_eq!((&summary["stopped_by"], &summary["steps"]), (&"steps".into(), &summary["steps_planned"]));
-    // The clock on the wall is not asked: the machine may be busy.
+    // The plan repeats the run byte for byte, without a clock.
+    let again = place.path("again");
+    ok(&["train", "--config", &place.path("run/config.toml"), "-o", &again, "--device", "cpu", "-q"]);
+    let last = format!("checkpoints/step-{:06}.safetensors", summary["steps"].as_u64().unwrap());
+    assert!(bytes_of(place.path(&format!("run/{last}"))) == bytes_of(place.path(&format!("again/{last}"))));
+    // Not timed by the wall: the machine may be busy.
     let short = run(&["train", &capture, "-o", &place.path("short"), "--time", "0.1s", "--device", "cpu"]);
     assert!(short.0 == 2 && short.2.contains("the shortest is about"), "{}", short.2);
     let both = run(&["train", &capture, "-o", &place.path("short"), "--time", "9s", "--steps", "3"]);

@@ -1,13 +1,15 @@
 //! `litetex eval`: quality figures of a trained scene on its test views.
 
+use super::capture_args::set;
 use super::sources::on_device;
 use super::uncovered::UncoveredArea;
 use super::worst_view;
 use litetex_gs::backend::{Backend, RenderedImage};
 use litetex_gs::capture::Capture;
+use litetex_gs::console::values::whole;
 use litetex_gs::console::{Log, Output, Table, check_free, path_text};
 use litetex_gs::eval::{Evaluation, ImagePair, psnr};
-use litetex_gs::run::{TestFigures, Trained, check_empty, write_per_view, write_view};
+use litetex_gs::run::{MAX_RESOLUTION_MIN, TestFigures, Trained, check_empty, write_per_view, write_view};
 use litetex_gs::train::{self, Control, Evaluated};
 use litetex_gs::verify::CaptureIdentity;
 use litetex_gs::views::{Split, ViewSource};
@@ -26,6 +28,10 @@ pub struct EvalArgs {
     /// Capture of the run, if it has been moved
     #[arg(long, value_name = "DIR")]
     capture: Option<PathBuf>,
+    /// Compare with photos of this longer side at most, pixels, such as the full size after a training on smaller ones [default: as
+    /// the run was trained]
+    #[arg(long, value_name = "PX", value_parser = whole::<u32>(u64::from(MAX_RESOLUTION_MIN)..=65_536))]
+    max_resolution: Option<u32>,
     /// Also write images, error maps and per_view.csv into this empty folder
     #[arg(long, short, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -55,7 +61,8 @@ pub fn run(args: &EvalArgs, log: &Log) -> Result<Output> {
         worst_view::check(worst)?;
         check_free(std::slice::from_ref(worst), args.force)?;
     }
-    let trained = Trained::load(&args.source)?;
+    let mut trained = Trained::load(&args.source)?;
+    set(&mut trained.config.capture.max_resolution, args.max_resolution);
     let capture = trained.open_capture(args.capture.as_deref())?;
     log.report(&capture.report);
     let background = trained.config.train.background;
@@ -73,14 +80,18 @@ pub fn run(args: &EvalArgs, log: &Log) -> Result<Output> {
         let options = trained.render_options();
         worst_view::write(path, backend.as_mut(), &capture, evaluation, &options)?;
     }
+    let [width_px, height_px] = largest_px(&capture);
     let mut found = json!({
         "checkpoint": path_text(&trained.path),
         "step": trained.step,
         "resample": "area",
+        "width_px": width_px,
+        "height_px": height_px,
         "quality": evaluation.as_ref().map(TestFigures::from),
     });
     let mut table = Table::default();
     table.row("checkpoint", trained.path.display());
+    table.row("image size", format!("{width_px} x {height_px} px"));
     if let Some(evaluation) = &evaluation {
         add_rows(&mut table, evaluation);
     }
@@ -101,6 +112,13 @@ impl EvalArgs {
     fn needs_test_views(&self) -> bool {
         !self.training || [&self.out, &self.uncovered_by, &self.worst].into_iter().any(Option::is_some)
     }
+}
+
+/// Width and height of the largest view.
+fn largest_px(capture: &Capture) -> [u32; 2] {
+    let sizes = (0..capture.num_views()).map(|view| capture.camera(view).pinhole);
+    let largest = sizes.max_by_key(|size| size.num_pixels());
+    largest.map_or([0; 2], |size| [size.width_px, size.height_px])
 }
 
 fn add_rows(table: &mut Table, evaluation: &Evaluation) {

@@ -79,7 +79,7 @@ impl LiveView {
             up: capture.up,
             file: folder.root().join(PREVIEW),
         };
-        Preview::start(Arc::clone(&self.shown), scene, config.train.steps)
+        Preview::start(Arc::clone(&self.shown), scene, config.train.last_step())
     }
 
     /// Shows the finished model of a run in place of its last preview, and serves it until Ctrl-C.

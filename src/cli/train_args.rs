@@ -8,7 +8,7 @@ use litetex_gs::console::values::{
 };
 use litetex_gs::run::{InitSource, Profile, Purpose, RunConfig};
 use litetex_gs::train::{Policy, policies};
-use litetex_gs::{Error, Result};
+use litetex_gs::{Error, Result, usage};
 use std::path::PathBuf;
 
 fn policy_help() -> String {
@@ -88,7 +88,7 @@ pub struct TrainingArgs {
     #[arg(long, visible_alias = "iterations", value_name = "N", value_parser = whole::<u32>(1..=u64::MAX))]
     pub steps: Option<u32>,
     /// Time from start to exit, --export not counted: 90s, 20m, 1h30m. Steps and image size are chosen for this device; the
-    /// run's config.toml repeats them without a clock [default, without --steps, --config and a published profile: 15m
+    /// run's config.toml repeats them without a clock [default, without --steps, --config and a published profile: at most 15m
     /// without a GPU, 5m with one]
     #[arg(long, value_name = "TIME", value_parser = parse_duration_secs, conflicts_with_all = ["steps", "config"])]
     pub time: Option<f64>,
@@ -124,8 +124,31 @@ impl TrainArgs {
     pub fn says_no_length(&self) -> bool {
         let t = &self.training;
         let is_usual = t.profile.is_none_or(|profile| profile == Profile::Default);
-        let sets_steps = t.settings.iter().any(|setting| setting.trim_start().starts_with("steps"));
-        t.steps.is_none() && t.time.is_none() && self.config.is_none() && is_usual && !sets_steps
+        t.steps.is_none() && t.time.is_none() && self.config.is_none() && is_usual && !self.sets_steps()
+    }
+
+    /// Whether `--set` gives a number of steps.
+    fn sets_steps(&self) -> bool {
+        let keys = self.training.settings.iter().filter_map(|setting| setting.split('=').next());
+        keys.map(str::trim).any(|key| matches!(key, "steps" | "train.steps"))
+    }
+
+    /// Refuses a time beside what has a length of its own.
+    fn check_time(&self, profile: Profile) -> Result<()> {
+        if self.training.time.is_none() {
+            return Ok(());
+        }
+        if profile != Profile::Default {
+            let name = profile.name();
+            return Err(usage!(
+                "--time: the profile {name} has a published length and is not planned for a time: use --steps, or leave out \
+                 the profile"
+            ));
+        }
+        if self.sets_steps() {
+            return Err(usage!("--time: the steps follow from the time: leave out --set steps"));
+        }
+        Ok(())
     }
 
     /// Overwrites the settings of `config` whose flags were given.
@@ -138,6 +161,7 @@ impl TrainArgs {
             config.profile = profile;
             profile.apply(&mut config.train);
         }
+        self.check_time(config.profile)?;
         if let Some(purpose) = t.purpose {
             purpose.apply(config)?;
         }
@@ -146,9 +170,9 @@ impl TrainArgs {
             config.train.density.prune_db = need;
         }
         set_some(&mut config.train.budget.max_params, &t.budget_params);
-        if let Some(steps) = t.steps {
+        set(&mut config.train.steps, t.steps);
+        if t.steps.is_some() || self.sets_steps() {
             // A number of steps is a plan of its own.
-            config.train.steps = steps;
             config.train.plan.clear();
             config.time_secs = None;
         }
@@ -214,6 +238,32 @@ mod tests {
         let paper = fresh("--profile paper").train;
         assert!(paper.policy == Policy::Paper && paper.rates.position_random == paper.rates.position);
         assert_eq!(fresh("").train.density, DensityConfig::default());
+    }
+
+    #[test]
+    fn a_time_is_refused_beside_another_length() {
+        for flags in ["--time 1m --profile paper", "--profile cat --time 1m", "--time 1m --set steps=9"] {
+            let error = over(RunConfig::default(), flags).unwrap_err();
+            assert!(error.exit_code() == 2 && error.to_string().starts_with("--time: "), "{error}");
+        }
+        let time_secs = |flags: &str| over(RunConfig::default(), flags).unwrap().time_secs;
+        assert_eq!(time_secs("--time 1m --profile default --set save-every=9"), Some(60.0));
+        // A number of steps ends a plan.
+        let mut planned = RunConfig { time_secs: Some(60.0), ..RunConfig::default() };
+        planned.train.plan = vec![[9, 40]];
+        for flags in ["--steps 50", "--set steps=50", "--set train.steps=50"] {
+            let config = over(planned.clone(), flags).unwrap();
+            assert_eq!((config.time_secs, config.train.last_step()), (None, 50), "{flags}");
+        }
+        assert_eq!(over(planned.clone(), "--set seed=7").unwrap().train.last_step(), 40);
+        let says_no_length = |flags: &str| {
+            let line = Line::try_parse_from(["train"].into_iter().chain(flags.split_whitespace())).unwrap();
+            line.args.says_no_length()
+        };
+        assert!(says_no_length("--seed 7") && says_no_length("--profile default"));
+        for flags in ["--steps 7", "--time 1m", "--config c.toml", "--profile paper", "--set train.steps=7"] {
+            assert!(!says_no_length(flags), "{flags}");
+        }
     }
 
     #[test]

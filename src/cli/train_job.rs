@@ -100,7 +100,10 @@ impl Resume {
     fn load(path: &Path) -> Result<(Self, RunConfig)> {
         let file = find_checkpoint(path)?;
         let (state, strings) = checkpoint::load(&file)?;
-        let config = config_of(&file, &strings)?;
+        let mut config = config_of(&file, &strings)?;
+        if let Some(run) = run_of_checkpoint(&file) {
+            config.follow_run(&run)?;
+        }
         let identity = CaptureIdentity::from_strings(&file, &strings)?;
         let mut report = Report::default();
         let history = checkpoint::history_path(&file);

@@ -32,7 +32,7 @@ impl RunWatch {
     /// named capture reports.
     pub fn start(root: &Path, named: Option<&Path>, shown: Arc<Shown>, log: &Log) -> Result<Self> {
         let config = RunConfig::read(&root.join("config.toml"))?;
-        let metrics = MetricsTail::new(root.join("metrics.jsonl"), config.train.steps);
+        let metrics = MetricsTail::new(root.join("metrics.jsonl"), config.train.last_step());
         let of_capture = config.data.as_deref().map(name_of).unwrap_or_default();
         let title = if of_capture.is_empty() { name_of(root) } else { of_capture };
         shown.set_title(&title);

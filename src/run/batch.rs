@@ -88,7 +88,7 @@ impl RunState {
         let config = Box::new(RunConfig::read(&folder.join("config.toml"))?);
         let summary = Summary::read(&folder.join("summary.json")).ok();
         // A finished run that is continued has the settings of its next end before it gets there.
-        let is_last = |s: &Summary| !s.is_interrupted() && s.steps_planned == config.train.steps;
+        let is_last = |s: &Summary| !s.is_interrupted() && s.steps_planned == config.train.last_step();
         Ok(match summary.filter(is_last) {
             Some(summary) => Self::Finished { config, summary: Box::new(summary) },
             None => Self::Unfinished { config, is_saved: find_checkpoint(folder).is_ok() },
@@ -152,6 +152,30 @@ mod tests {
         assert_eq!(shares, [vec![0, 3, 6, 9], vec![1, 4, 7], vec![2, 5, 8]]);
         assert_eq!(share(list.clone(), 1, 1), list);
         assert_eq!(share(list, 12, 12), [0; 0]);
+    }
+
+    #[test]
+    fn settings_in_a_run_folder_tell_what_a_killed_run_decided_after_its_checkpoint() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut saved = RunConfig::default();
+        (saved.train.steps, saved.train.plan) = (100, vec![[12, 120]]);
+        let follow = |plan: &[[u32; 2]], steps: u32| {
+            let mut then = RunConfig { time_secs: Some(60.0), ..saved.clone() };
+            (then.train.plan, then.train.steps) = (plan.to_vec(), steps);
+            std::fs::write(dir.path().join("config.toml"), then.to_toml().unwrap()).unwrap();
+            let mut config = saved.clone();
+            config.follow_run(dir.path()).unwrap();
+            (config.train.plan, config.time_secs)
+        };
+        let longer = [[12, 120], [40, 130]];
+        assert_eq!(follow(&longer, 100), (longer.to_vec(), Some(60.0)));
+        // Another run has been started there since.
+        assert_eq!(follow(&[[12, 119], [40, 130]], 100), (saved.train.plan.clone(), None));
+        assert_eq!(follow(&longer, 101), (saved.train.plan.clone(), None));
+        std::fs::remove_file(dir.path().join("config.toml")).unwrap();
+        let mut config = saved.clone();
+        config.follow_run(dir.path()).unwrap();
+        assert_eq!(config, saved);
     }
 
     #[test]

@@ -97,6 +97,25 @@ impl RunConfig {
         Ok(config)
     }
 
+    /// Takes the time of a run, and what it decided on its length after the checkpoint that these settings are of: a run
+    /// that was killed repeats its decisions.
+    ///
+    /// # Errors
+    /// [`Error::InvalidInput`] for settings of the run that cannot be read.
+    pub fn follow_run(&mut self, run: &Path) -> Result<()> {
+        let file = run.join("config.toml");
+        if !file.exists() {
+            return Ok(());
+        }
+        let run = Self::read(&file)?;
+        // Another start, or another plan from some step on, is another run.
+        if run.train.steps == self.train.steps && run.train.plan.starts_with(&self.train.plan) {
+            self.train.plan = run.train.plan;
+            self.time_secs = run.time_secs;
+        }
+        Ok(())
+    }
+
     /// Photos with alpha are composited on the background of the images, or keep it for changing backgrounds.
     pub fn follow_background(&mut self) {
         self.capture.background = self.train.background;

@@ -45,7 +45,7 @@ pub use step_trial::{Trial, measure};
 pub use summary::{
     CaptureFigures, DiskBytes, EndOfGrowth, Fps, GrowthFigures, Resumed, Size, Summary, TestFigures, Times,
 };
-pub use time_plan::{Plan, Situation};
+pub use time_plan::{Plan, Situation, expected_secs};
 pub use trained::{Trained, config_of, render_options};
 pub use view_files::{image_name, write_per_view, write_view};
 pub use work::{Outcome, work_through};

@@ -82,7 +82,7 @@ impl<'a> Recorder<'a> {
             views,
             config,
             metrics: open_metrics(&folder.metrics(), done)?,
-            strings: BTreeMap::from([("config".to_owned(), toml)]),
+            strings: BTreeMap::from([("config".to_owned(), checkpoint_settings(config)?)]),
             plan: config.train.plan.clone(),
             total_wall_secs: Box::new(total_wall_secs),
             staged: None,
@@ -161,7 +161,7 @@ impl<'a> Recorder<'a> {
         config.train.plan.clone_from(&self.plan);
         let toml = config.to_toml()?;
         atomic_file::write(&self.folder.config(), toml.as_bytes())?;
-        self.strings.insert("config".to_owned(), toml);
+        self.strings.insert("config".to_owned(), checkpoint_settings(&config)?);
         self.metric(
             json!({ "event": "planned", "step": step, "steps": last_step, "eta_secs": remaining.secs(),
             "steps_secs": remaining.steps_secs, "density_control_secs": remaining.density_secs,
@@ -295,6 +295,12 @@ impl<'a> Recorder<'a> {
             .write_all(format!("{line}\n").as_bytes())
             .map_err(|e| Error::io(self.folder.metrics(), e))
     }
+}
+
+/// The settings in a checkpoint: without the time, which the plan has replaced, so that a run that repeats the plan has the
+/// same checkpoint. The run's own `config.toml` keeps it.
+fn checkpoint_settings(config: &RunConfig) -> Result<String> {
+    RunConfig { time_secs: None, ..config.clone() }.to_toml()
 }
 
 /// Name of a stop reason in `metrics.jsonl` and `summary.json`.

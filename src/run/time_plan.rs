@@ -2,7 +2,8 @@
 
 use super::step_trial::Trial;
 use crate::text::format_duration;
-use crate::train::{Course, ExpectedSize, Schedule, TrainConfig};
+use crate::train::{Course, ExpectedSize, Schedule, StepCosts, TrainConfig};
+use crate::views::{Split, ViewSource};
 use crate::{Error, Result};
 
 /// Bounds of the longer side on offer, pixels.
@@ -11,6 +12,9 @@ const SIDES_PX: [u32; 8] = [160, 240, 320, 480, 640, 960, 1280, 1600];
 /// Images are as large as leaves time for this many steps. Not measured: it shows every view of usual captures a
 /// dozen times.
 const WANTED_STEPS: u32 = 600;
+
+/// Views that a round of pruning probes at most.
+const MOST_PROBES: f64 = crate::train::MOST_PROBES as f64;
 
 /// The published timetable is the longest.
 const MOST_STEPS: u32 = 30_000;
@@ -49,6 +53,8 @@ pub struct Situation {
     pub keeps_size: bool,
     /// Views evaluated at once.
     pub threads: f64,
+    /// The most steps that pay, if more time need not be used.
+    pub enough_steps: Option<u32>,
 }
 
 /// What to do in the time.
@@ -62,6 +68,39 @@ pub struct Plan {
     pub done_secs: f64,
     /// Of which from the last step to the exit.
     pub end_secs: f64,
+}
+
+/// Seconds of a training on the views of a capture after step `done`, when the model has `splats`, if steps cost this much.
+pub fn expected_secs(
+    costs: StepCosts,
+    config: &TrainConfig,
+    capture: &dyn ViewSource,
+    (done, splats): (u32, usize),
+) -> f64 {
+    let train = capture.indices(Split::Train);
+    let pixels: f64 = train.iter().map(|&view| capture.camera(view).pinhole.num_pixels() as f64).sum();
+    let views = train.len().max(1) as f64;
+    let schedule = Schedule::of_run(config, train.len(), u32::MAX);
+    let size = ExpectedSize::new(config, &schedule, splats);
+    let course =
+        Course { costs, size, pixels: pixels / views, probes: views.min(MOST_PROBES), end_secs: 0.0 };
+    course_secs(&course, config, &schedule, (done, splats))
+}
+
+/// Seconds of a training after step `done`, when the model has `splats`, before its photos are analysed.
+fn course_secs(
+    course: &Course,
+    config: &TrainConfig,
+    schedule: &Schedule,
+    (done, splats): (u32, usize),
+) -> f64 {
+    let is_scheduled = config.active_components().scheduler;
+    let scale = |step| {
+        let share = schedule.share(step);
+        let found = SCALES.iter().find(|(until, _)| is_scheduled && share < *until);
+        found.map_or(1.0, |&(_, scale)| scale)
+    };
+    course.remaining(schedule, done, splats as f64, scale).secs()
 }
 
 impl Situation {
@@ -80,19 +119,13 @@ impl Situation {
             costs: self.trial.costs,
             size: ExpectedSize::new(&config, &schedule, self.splats),
             pixels,
-            probes: train.min(64.0),
+            probes: train.min(MOST_PROBES),
             end_secs,
-        };
-        let is_scheduled = config.active_components().scheduler;
-        let scale = |step| {
-            let share = schedule.share(step);
-            let found = SCALES.iter().find(|(until, _)| is_scheduled && share < *until);
-            found.map_or(1.0, |&(_, scale)| scale)
         };
         let photos_secs = (train + test) * self.trial.photo_secs / self.threads.max(1.0);
         let analysis_secs = train.min(ANALYSED_VIEWS) * pixels / ANALYSED_PIXELS_PER_SEC;
         let reload_secs = if side_px < self.side_px { self.reload_secs } else { 0.0 };
-        let rest = course.remaining(&schedule, 0, self.splats as f64, scale).secs();
+        let rest = course_secs(&course, &config, &schedule, (0, self.splats));
         (self.gone_secs + reload_secs + photos_secs + analysis_secs + rest, end_secs)
     }
 
@@ -107,7 +140,10 @@ impl Situation {
 
     /// The most steps for which there is time.
     fn most_steps(&self, config: &TrainConfig, side_px: u32) -> u32 {
-        let (mut fits, mut too_many) = (0, MOST_STEPS + 1);
+        let most = self
+            .enough_steps
+            .map_or(MOST_STEPS, |enough| MOST_STEPS.min(enough.max(self.least_steps(config))));
+        let (mut fits, mut too_many) = (0, most + 1);
         while fits + 1 < too_many {
             let middle = fits.midpoint(too_many);
             if self.secs(config, middle, side_px).0 <= self.time_secs {
@@ -127,7 +163,7 @@ impl Situation {
         let smaller = SIDES_PX.into_iter().filter(|&side| side < self.side_px && !self.keeps_size);
         let sides: Vec<u32> = smaller.chain([self.side_px]).collect();
         let least = self.least_steps(config);
-        let wanted = WANTED_STEPS.max(least);
+        let wanted = WANTED_STEPS.min(self.enough_steps.unwrap_or(WANTED_STEPS)).max(least);
         let steps_at = |side: u32| self.most_steps(config, side);
         let enough = sides.iter().rev().find(|&&side| steps_at(side) >= wanted);
         let side = *enough.unwrap_or(&sides[0]);
@@ -150,7 +186,6 @@ impl Situation {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::train::StepCosts;
 
     const FOX: Situation = Situation {
         time_secs: 600.0,
@@ -167,6 +202,7 @@ mod tests {
         pixels: 900.0 * 1600.0,
         keeps_size: false,
         threads: 2.0,
+        enough_steps: None,
     };
 
     #[test]
@@ -185,6 +221,11 @@ mod tests {
         let small = Situation { time_secs: 36_000.0, side_px: 160, pixels: 19_200.0, ..FOX };
         let plan = small.plan(&config).unwrap();
         assert!(plan.steps == 30_000 && plan.done_secs < 36_000.0 && plan.max_resolution.is_none());
+        // Where the time need not be used, a small capture is done earlier; a large one takes what it gets.
+        let enough = Situation { enough_steps: Some(4_000), ..small }.plan(&config).unwrap();
+        assert!(enough.steps == 4_000 && enough.done_secs < 0.3 * plan.done_secs, "{enough:?}");
+        let large = Situation { enough_steps: Some(12_000), ..FOX };
+        assert_eq!(large.plan(&config).unwrap(), of(600.0));
         let kept = Situation { keeps_size: true, ..FOX }.plan(&config).unwrap();
         assert_eq!(kept.max_resolution, None);
     }

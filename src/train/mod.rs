@@ -38,7 +38,7 @@ pub use limits::check_limits;
 pub use pacing::Timing;
 pub use prune::Pruned;
 pub use run::{NO_SNAPSHOT, Sink, train, train_by};
-pub use schedule::Schedule;
+pub use schedule::{MOST_PROBES, Schedule};
 pub use stages::{StageSpan, stage_spans};
 pub use state::{CurvePoint, SizeFigures, TrainHistory, TrainState};
 pub use step_costs::StepCosts;

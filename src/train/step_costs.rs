@@ -42,3 +42,23 @@ impl StepCosts {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_are_within_a_factor_of_two_of_the_measured_ones() {
+        for (pixels, splats, secs_per_step) in [
+            (270 * 480, 14_553, 0.119),
+            (539 * 960, 14_553, 0.29),
+            (400 * 400, 20_000, 0.065),
+            (960 * 710, 3_673, 0.24),
+            (320 * 240, 4_000, 0.06),
+        ] {
+            let splats = f64::from(splats);
+            let ratio = StepCosts::CPU.step_secs(f64::from(pixels), splats, splats) / secs_per_step;
+            assert!((0.5..2.0).contains(&ratio), "{pixels} pixels, {splats} splats: {ratio}");
+        }
+    }
+}

@@ -70,7 +70,7 @@ pub fn photos(scene: &RandomScene) -> MemoryViews {
         camera.camera_from_local.translation.x += 0.05 * (f64::from(i) - 2.5);
         let image = backend.render(&camera, &BLACK).unwrap();
         let rgb = image.rgb.iter().map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8).collect();
-        (camera, Arc::new(TargetImage::opaque(64, 48, rgb)))
+        (camera, Arc::new(TargetImage::opaque(camera.pinhole.width_px, camera.pinhole.height_px, rgb)))
     });
     MemoryViews(views.collect())
 }
