@@ -58,8 +58,9 @@ run_image() {
     needs debootstrap
     release=$(block Docker | sed -n 's/^FROM debian://p')
     [[ -n $release ]] || fail 'docs/batch.md has no FROM debian:RELEASE'
-    if [[ ! -e $folder/etc/debian_version ]]; then
+    if [[ ! -e $folder/.made ]]; then
         debootstrap --variant=minbase "$release" "$folder" "${MIRROR:-http://deb.debian.org/debian}"
+        touch "$folder/.made"
     fi
     cp -L /etc/resolv.conf "$folder/etc/resolv.conf" || true
     [[ -z $files ]] || cp -a "$files/." "$folder/"
