@@ -167,6 +167,6 @@ fn masks(figures: &Figures) -> Option<Reason> {
         "masks",
         Usable,
         found,
-        "white pixels count; if black ones should, add --mask-invert here and to train",
+        "white pixels count; if black ones should, add --mask-invert here and --set capture.mask-invert=true to train",
     )
 }
