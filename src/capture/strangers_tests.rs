@@ -501,7 +501,7 @@ fn poses_in_other_folders_are_named_in_the_error() {
         error @ (Error::InvalidInput { .. } | Error::Unsupported { .. }) => error.to_string(),
         error => panic!("{error:?}"),
     };
-    assert!(message(root).contains("colmap mapper"), "negative control: no poses");
+    assert!(message(root).contains("litetex capture"), "negative control: no poses");
     let model = root.join("jobs/day 1/sparse/0");
     scene.write_text(&model);
     let text = message(root);

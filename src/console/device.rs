@@ -90,7 +90,8 @@ fn unfit_row(name: String, description: String, hardware: bool, lacks: &str) -> 
 
 /// Whether an open backend, by its name, is a GPU and no software driver.
 pub fn is_hardware(name: &str) -> bool {
-    gpus().iter().any(|gpu| gpu.hardware && gpu.name == name)
+    // Without looking for GPUs where none is in use.
+    name != "cpu" && gpus().iter().any(|gpu| gpu.hardware && gpu.name == name)
 }
 
 /// Opens the backend that `--device` names.

@@ -363,17 +363,21 @@ mod tests {
     fn a_change_of_the_length_stretches_what_is_left() {
         let config = TrainConfig { steps: 3_000, ..TrainConfig::default() };
         let before = Schedule::new(&config, 30);
-        let same = before.changed([900, 3_000]);
+        // At a density-control step, from which the interval is counted anew.
+        let at = 35 * before.density_interval;
+        let same = before.changed([at, 3_000]);
         let facts = |s: &Schedule, step| {
             let rates = s.rates(&config, step);
             (s.is_density_step(step), s.rounds_left(step), s.share(step), rates.position, s.stage_share(step))
         };
-        assert!((901..=3_000).all(|step| facts(&before, step) == facts(&same, step)), "no change");
-        // Half the pace from step 900: two steps of the run for one of the original.
-        let slow = before.changed([900, 900 + 2 * 2_100]);
-        assert_eq!((slow.last_step, slow.density_interval), (5_100, 2 * before.density_interval));
-        for step in 900..=3_000 {
-            let then = 900 + 2 * (step - 900);
+        for step in at + 1..=3_000 {
+            assert_eq!(facts(&before, step), facts(&same, step), "no change: {step}");
+        }
+        // Half the pace from there: two steps of the run for one of the original.
+        let slow = before.changed([at, at + 2 * (3_000 - at)]);
+        assert_eq!((slow.last_step, slow.density_interval), (6_000 - at, 2 * before.density_interval));
+        for step in at..=3_000 {
+            let then = at + 2 * (step - at);
             assert!((before.share(step) - slow.share(then)).abs() < 1e-12, "{step}");
             assert_eq!(before.rounds_left(step), slow.rounds_left(then), "{step}");
             assert_eq!(before.opacity_floor(&config, step), slow.opacity_floor(&config, then), "{step}");

@@ -496,7 +496,7 @@ fn spz_files(add: Add<'_>) {
     add("long_subfield.spz", Reads, put(&in_gzip, meta - 2, &[0xff; 2]));
     let bytes = of_version(spz::SpzVersion::V4);
     add("newer_version.spz", Unsupported, put(&bytes, 4, &[5]));
-    add("high_degree.spz", Unsupported, put(&bytes, 12, &[4]));
+    add("high_degree.spz", Unsupported, put(&bytes, 12, &[5]));
     add("huge_count.spz", TooLarge, put(&bytes, 8, &u32::MAX.to_le_bytes()));
     add("tables_beyond_the_end.spz", Invalid, put(&bytes, 16, &u32::MAX.to_le_bytes()));
     add("odd_fraction.spz", Invalid, put(&bytes, 13, &[31]));
