@@ -25,6 +25,18 @@ pub fn is_batch(args: &TrainArgs) -> bool {
     args.captures.len() > 1 || args.shard.is_some()
 }
 
+/// Refuses the arguments of a batch where those of one run are meant.
+///
+/// # Errors
+/// [`Error::Usage`] with what makes them a batch.
+pub fn check_single(args: &TrainArgs) -> Result<()> {
+    match (args.captures.get(1), &args.shard) {
+        (Some(another), _) => Err(usage!("{}: a second capture, where one run is meant", another.display())),
+        (None, Some(_)) => Err(usage!("--shard: makes a folder of runs, where one run is meant")),
+        (None, None) => Ok(()),
+    }
+}
+
 /// Reduces the arguments of a batch to those of one of its runs.
 ///
 /// # Errors

@@ -105,6 +105,13 @@ impl Program for Cli {
         &self.common
     }
 
+    fn check_single(&self) -> Result<()> {
+        match &self.command {
+            Command::Train(args) => batch::check_single(args),
+            _ => Ok(()),
+        }
+    }
+
     fn run(self, log: &Log) -> Result<Output> {
         match self.command {
             Command::Train(args) => train::run(*args, self.nth, log),

@@ -15,6 +15,14 @@ pub trait Program: CommandFactory + FromArgMatches {
     /// The options that all its commands have.
     fn common(&self) -> &CommonArgs;
 
+    /// Whether the arguments make one run and no batch, which is asked for with `--parse-only`.
+    ///
+    /// # Errors
+    /// [`Error::Usage`].
+    fn check_single(&self) -> Result<()> {
+        Ok(())
+    }
+
     /// Runs the command and returns its report.
     ///
     /// # Errors
@@ -35,10 +43,16 @@ pub fn enter<P: Program>() -> ExitCode {
         }
     };
     let common = program.common();
-    if common.parse_only {
-        return ExitCode::SUCCESS;
-    }
     let log = Log::new(common.log_format, common.quiet, common.verbose).with_json(common.json);
+    if common.parse_only {
+        return program.check_single().map_or_else(
+            |error| {
+                log.error(&error);
+                ExitCode::from(error.exit_code())
+            },
+            |()| ExitCode::SUCCESS,
+        );
+    }
     let outcome = set_threads(common.threads).and_then(|()| program.run(&log));
     match outcome.and_then(|output| log.print(output)) {
         Ok(()) => ExitCode::SUCCESS,
