@@ -39,6 +39,7 @@ mod tests;
 mod train;
 mod train_args;
 mod train_job;
+mod train_plan;
 mod train_summary;
 mod training_values;
 mod uncovered;

@@ -6,35 +6,21 @@ use super::progress::Progress;
 use super::session::Session;
 use super::sources::load_scene;
 use super::train_args::TrainArgs;
-use super::train_job::TrainJob;
-use super::train_job::{self, Finished};
+use super::train_job::{self, Finished, TrainJob};
+use super::train_plan::{self, Start};
 use super::train_summary;
 use super::{batch, export, orphan, outputs};
 use litetex_exporters::ORIGIN_OPTION;
 use litetex_gs::capture::Capture;
 use litetex_gs::console::{Interrupt, Log, Output, device};
 use litetex_gs::memory::machine_bytes;
-use litetex_gs::run::{
-    Plan, Recorder, ResourceEstimate, Situation, Summary, Workload, expected_secs, fresh_state, measure,
-};
-use litetex_gs::text::{format_count, format_duration};
-use litetex_gs::train::{Schedule, StepCosts, StopReason, Timing, TrainState, check_limits, train_by};
+use litetex_gs::run::{Recorder, ResourceEstimate, Summary, Workload, fresh_state};
+use litetex_gs::train::{Schedule, StopReason, Timing, TrainState, check_limits, train_by};
 use litetex_gs::views::{Split, ViewSource as _};
 use litetex_gs::{Error, Report, Result};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
-
-/// Time of a run for which nothing is said, without a GPU and with one.
-const FREE_CPU_SECS: f64 = 15.0 * 60.0;
-const FREE_GPU_SECS: f64 = 5.0 * 60.0;
-
-/// Where nothing is said, a run sees no photo more often than this on average. Measured with 300,000 parameters: fox, 270 x 480,
-/// gains 2.2 dB from 23 to 116 passes and 1.0 dB up to 698, flower 1.5 dB from 48 to 238, bonsai 0.15 dB from 53 to 263.
-const ENOUGH_PASSES: u32 = 200;
-
-/// Time from the last step to the exit where nothing was measured.
-const END_SECS: f64 = 2.0;
 
 /// Trains and prints the result. `nth` is the capture of a batch that this process trains.
 pub fn run(mut args: TrainArgs, nth: Option<usize>, log: &Log) -> Result<Output> {
@@ -125,59 +111,26 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<FinishedRun> {
     let earlier_secs = state.history.total_wall_secs;
     let mut backend = device::open(&job.device, log)?;
     let now = || earlier_secs + started.elapsed().as_secs_f64();
-    let is_hardware = device::is_hardware(&backend.device().name);
-    if job.is_free {
-        job.config.time_secs = Some(if is_hardware { FREE_GPU_SECS } else { FREE_CPU_SECS });
-    }
-    let threads = rayon::current_num_threads();
-    let costs = if is_hardware { StepCosts::GPU } else { StepCosts::CPU.scaled(1.0 / threads as f64) };
-    let mut planned_secs = None;
-    let mut timing = Timing { now: &now, deadline_secs: job.config.time_secs, costs, end_secs: END_SECS };
-    if let Some(time_secs) = job.config.time_secs.filter(|_| state.step == 0 && resumed.is_none()) {
-        let trial = measure(backend.as_mut(), &*capture, &state.model, &job.config.train, &now)?;
-        let train_views = capture.indices(Split::Train);
-        let sizes: Vec<_> = train_views.iter().map(|&view| capture.camera(view).pinhole).collect();
-        let views = train_views.len();
-        let situation = Situation {
-            time_secs,
-            gone_secs: now(),
-            reload_secs: loaded_secs,
-            trial,
-            splats: state.model.num_splats(),
-            views: [views, capture.num_views() - views],
-            side_px: sizes.iter().map(|size| size.width_px.max(size.height_px)).max().unwrap_or(1),
-            pixels: sizes.iter().map(|size| size.num_pixels() as f64).sum::<f64>() / views.max(1) as f64,
+    let planned = train_plan::plan(
+        &mut job,
+        Start {
+            capture: &mut capture,
+            state: &mut state,
+            loaded_secs,
+            is_resumed: resumed.is_some(),
             keeps_size: args.capture_args.max_resolution.is_some(),
-            threads: threads as f64,
-            enough_steps: job.is_free.then(|| ENOUGH_PASSES.saturating_mul(views as u32)),
-        };
-        let plan = situation.plan(&job.config.train)?;
-        (timing.costs, timing.end_secs) = (trial.costs, plan.end_secs);
-        job.config.train.steps = plan.steps;
-        if situation.enough_steps.is_some_and(|enough| enough <= plan.steps) {
-            // Otherwise the run would stretch to the time.
-            job.config.time_secs = Some(plan.done_secs);
-            timing.deadline_secs = job.config.time_secs;
-        }
-        planned_secs = Some(plan.done_secs - plan.end_secs);
-        if let Some(side) = plan.max_resolution {
-            job.config.capture.max_resolution = side;
-            capture = Arc::new(Capture::load(job.config.data()?, &job.config.capture)?);
-        }
-        // The budget follows from the steps, the model from both.
-        state = fresh_state(&capture, &mut job.config, &mut Report::default())?;
-        say_plan(&job, &situation, plan, log);
-    }
-    let train_secs = match planned_secs {
-        Some(until) => Some(until - now()),
-        // Of the speed of GPUs nothing is known.
-        None if is_hardware => None,
-        None => {
-            let found = (state.step, state.model.num_splats());
-            Some(expected_secs(costs, &job.config.train, &*capture, found))
-        }
+        },
+        backend.as_mut(),
+        &now,
+        log,
+    )?;
+    let timing = Timing {
+        now: &now,
+        deadline_secs: job.config.time_secs,
+        costs: planned.costs,
+        end_secs: planned.end_secs,
     };
-    check_memory(&job, train_secs, &capture, &state, &mut report, log)?;
+    check_memory(&job, planned.train_secs, &capture, &state, &mut report, log)?;
     // Before the folder is made: a run that cannot be made leaves nothing behind.
     check_limits(&job.config.train, backend.as_ref(), &*capture, &state.model)?;
     log.info(&format!("checking {} photos", capture.num_views()));
@@ -215,30 +168,6 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<FinishedRun> {
         return Err(Error::Interrupted);
     }
     Ok(FinishedRun { summary, run: job.out, live })
-}
-
-/// Says what was chosen for the time, and how to get more.
-fn say_plan(job: &TrainJob, situation: &Situation, plan: Plan, log: &Log) {
-    let side_px = plan.max_resolution.unwrap_or(situation.side_px);
-    let budget = job.config.train.budget.max_params;
-    let budget =
-        budget.map_or(String::new(), |most| format!(", at most {} parameters", format_count(most as u64)));
-    let more = match job.is_free {
-        true => "; for more: --time 1h, or --steps and --max-resolution",
-        false => "",
-    };
-    log.event(
-        "plan",
-        &format!(
-            "planned for {}: about {} steps at {side_px} px{budget}, done in about {}{more}",
-            format_duration(situation.time_secs),
-            format_count(plan.steps.into()),
-            format_duration(plan.done_secs - situation.gone_secs)
-        ),
-        serde_json::json!({ "time_secs": situation.time_secs, "gone_secs": situation.gone_secs, "steps": plan.steps,
-            "side_px": side_px, "done_secs": plan.done_secs, "end_secs": plan.end_secs, "budget_params":
-            job.config.train.budget.max_params }),
-    );
 }
 
 /// The state to train from: that of a checkpoint, or a new one.

@@ -44,17 +44,11 @@ pub fn enter<P: Program>() -> ExitCode {
     };
     let common = program.common();
     let log = Log::new(common.log_format, common.quiet, common.verbose).with_json(common.json);
-    if common.parse_only {
-        return program.check_single().map_or_else(
-            |error| {
-                log.error(&error);
-                ExitCode::from(error.exit_code())
-            },
-            |()| ExitCode::SUCCESS,
-        );
-    }
-    let outcome = set_threads(common.threads).and_then(|()| program.run(&log));
-    match outcome.and_then(|output| log.print(output)) {
+    let outcome = match common.parse_only {
+        true => program.check_single(),
+        false => set_threads(common.threads).and_then(|()| log.print(program.run(&log)?)),
+    };
+    match outcome {
         Ok(()) => ExitCode::SUCCESS,
         // The reader closed the pipe, as `head` does.
         Err(Error::Io { cause, .. }) if cause.kind() == std::io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,

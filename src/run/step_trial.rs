@@ -1,9 +1,9 @@
 //! Measures a device before a run with a time is planned: a few training steps on the initial model, thrown away.
 
-use crate::backend::{Backend, LossWeights, StepRequest};
+use crate::backend::{Backend, StepRequest};
+use crate::camera::Camera;
 use crate::eval::quality_of;
-use crate::model::AdamState;
-use crate::model::Model;
+use crate::model::{AdamState, Model};
 use crate::train::{Schedule, StepCosts, TrainConfig};
 use crate::views::{Split, ViewSource};
 use crate::{Error, Result};
@@ -45,13 +45,12 @@ pub fn measure(
     let camera = views.camera(view);
     let schedule = Schedule::new(config, train.len());
     let longer = f64::from(camera.pinhole.width_px.max(camera.pinhole.height_px));
-    let mut found = Vec::new();
     backend.upload(model, &AdamState::zeros(model))?;
     let mut step = 0;
-    for (at, side) in SIDES_PX.iter().enumerate() {
-        let scale = (longer / side).max(if at == 0 { 2.0 } else { 1.0 });
+    let mut secs_at = |backend: &mut dyn Backend, at: usize, scale: f64| -> Result<_> {
         let [width, height] = [camera.pinhole.width_px, camera.pinhole.height_px]
             .map(|px| ((f64::from(px) / scale) as u32).max(1));
+        let camera = Camera { pinhole: camera.pinhole.resized(width, height), ..camera };
         let target = photo.reduced(width, height);
         let mut began = now();
         for i in 0..=STEPS {
@@ -61,38 +60,36 @@ pub fn measure(
             step += 1;
             backend.steps(&[StepRequest {
                 step,
-                camera: crate::camera::Camera { pinhole: camera.pinhole.resized(width, height), ..camera },
+                camera,
                 photo: at as u32,
                 target: &target,
                 background: config.background,
                 sh_degree: config.sh_degree,
-                loss: LossWeights { ..config.loss },
+                loss: config.loss,
                 rates: schedule.rates(config, 1),
                 accumulate_statistics: true,
                 exposure: None,
             }])?;
         }
-        found.push((f64::from(width * height), (now() - began) / f64::from(STEPS)));
-        if at == 1 {
-            let options = super::trained::render_options(model, config.background, false);
-            let began = now();
-            let camera = crate::camera::Camera { pinhole: camera.pinhole.resized(width, height), ..camera };
-            let image = backend.render(&camera, &options)?;
-            quality_of("trial", &image.rgb, &target);
-            let secs = (now() - began) / f64::from(width * height);
-            return Ok(Trial {
-                costs: costs(&found, model.num_splats() as f64),
-                photo_secs,
-                evaluation_secs_per_pixel: secs,
-            });
-        }
-    }
-    Err(Error::Usage("the trial has no second size".into()))
+        let secs = (now() - began) / f64::from(STEPS);
+        Ok((camera, target, (f64::from(width * height), secs)))
+    };
+    let [small, large] = SIDES_PX.map(|side| longer / side);
+    let (.., few) = secs_at(backend, 0, small.max(2.0))?;
+    let (camera, target, many) = secs_at(backend, 1, large.max(1.0))?;
+    let began = now();
+    let options = super::trained::render_options(model, config.background, false);
+    let image = backend.render(&camera, &options)?;
+    quality_of("trial", &image.rgb, &target);
+    Ok(Trial {
+        costs: costs([few, many], model.num_splats() as f64),
+        photo_secs,
+        evaluation_secs_per_pixel: (now() - began) / many.0,
+    })
 }
 
 /// Costs of steps at two sizes; what does not depend on the pixels is shared between splats and the rest as on the CPU.
-fn costs(found: &[(f64, f64)], splats: f64) -> StepCosts {
-    let [(small, few), (large, many)] = [found[0], found[1]];
+fn costs([(small, few), (large, many)]: [(f64, f64); 2], splats: f64) -> StepCosts {
     let most = many / large.max(1.0);
     let secs_per_pixel = ((many - few) / (large - small).max(1.0)).clamp(0.1 * most, most);
     let rest = (many - large * secs_per_pixel).max(0.05 * many);

@@ -2,11 +2,11 @@
 
 use super::step_trial::Trial;
 use crate::text::format_duration;
-use crate::train::{Course, ExpectedSize, Schedule, StepCosts, TrainConfig};
+use crate::train::{Course, ExpectedSize, MOST_STEPS, Schedule, StepCosts, TrainConfig};
 use crate::views::{Split, ViewSource};
 use crate::{Error, Result};
 
-/// Bounds of the longer side on offer, pixels.
+/// Bounds of the longer side that a plan may choose.
 const SIDES_PX: [u32; 8] = [160, 240, 320, 480, 640, 960, 1280, 1600];
 
 /// Images are as large as leaves time for this many steps. Not measured: it shows every view of usual captures a
@@ -16,14 +16,11 @@ const WANTED_STEPS: u32 = 600;
 /// Views that a round of pruning probes at most.
 const MOST_PROBES: f64 = crate::train::MOST_PROBES as f64;
 
-/// The published timetable is the longest.
-const MOST_STEPS: u32 = 30_000;
-
 /// Render scales expected by share of the run, before the photos are analysed (fox, 270 x 480).
 const SCALES: [(f64, f64); 7] =
     [(0.1, 3.36), (0.2, 2.83), (0.27, 2.38), (0.36, 2.0), (0.44, 1.68), (0.52, 1.41), (0.62, 1.19)];
 
-/// Seconds for files and the summary, and share of the time kept for what nobody foresees.
+/// Seconds for files and the summary. Not measured.
 const FILES_SECS: f64 = 1.0;
 
 /// Pixels analysed in a second (fox: 43 photos of 2 MP in 2.9 s on two busy cores).
@@ -45,9 +42,9 @@ pub struct Situation {
     pub splats: usize,
     /// Training and test views.
     pub views: [usize; 2],
-    /// Longer side and pixels of a view as loaded, on average.
+    /// Longer side of the largest training view as loaded.
     pub side_px: u32,
-    /// Pixels of a view as loaded, on average.
+    /// Pixels of a training view as loaded, on average.
     pub pixels: f64,
     /// Whether the user chose the image size.
     pub keeps_size: bool,

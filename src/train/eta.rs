@@ -99,7 +99,7 @@ pub(super) struct Eta {
     pruning: [f64; 2],
 }
 
-/// Measured over expected seconds; 1 before anything is measured.
+/// Measured over expected seconds; `None` before anything is measured.
 fn ratio([measured, expected]: [f64; 2]) -> Option<f64> {
     (expected > 0.0).then(|| measured / expected)
 }

@@ -35,7 +35,7 @@ pub use expected_size::ExpectedSize;
 pub use exposure::Exposures;
 pub use inactive::inactive;
 pub use limits::check_limits;
-pub use pacing::Timing;
+pub use pacing::{MOST_STEPS, Timing};
 pub use prune::Pruned;
 pub use run::{NO_SNAPSHOT, Sink, train, train_by};
 pub use schedule::{MOST_PROBES, Schedule};

@@ -13,7 +13,7 @@ const GROWING: [f64; 2] = [0.4, 2.5];
 const PRUNED: [f64; 2] = [0.2, 5.0];
 
 /// No run gets longer than the published timetable.
-const MOST_STEPS: u32 = 30_000;
+pub const MOST_STEPS: u32 = 30_000;
 
 /// The time of a run.
 #[derive(Clone, Copy)]
