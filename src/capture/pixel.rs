@@ -13,7 +13,7 @@ impl Capture {
     /// photo, before the turn that its EXIF data may ask for; the centre of the pixel is meant.
     ///
     /// # Errors
-    /// [`Error::Usage`] for a pixel outside the photo, or one that the undistorted image does not show.
+    /// [`crate::Error::Usage`] for a pixel outside the photo, or one that the undistorted image does not show.
     pub fn image_px(&self, view: usize, pixel: [f64; 2]) -> Result<DVec2> {
         let recipe = self.store.recipe(view);
         let name = quoted(self.name(view));

@@ -18,8 +18,8 @@ const REGISTERED_MIN: f64 = 0.7;
 /// Make a capture of a video, or of photos without poses
 ///
 /// Takes the sharpest frames of a video with ffmpeg, or converts photos, and finds their poses with pycolmap
-/// (https://pypi.org/project/pycolmap, version 4) or COLMAP (3.8 or later). What was interrupted goes on when the same
-/// command is run again.
+/// (version 4, from PyPI) or COLMAP (3.8 or later). What was interrupted goes on when the same command is run
+/// again.
 #[derive(clap::Args)]
 #[command(args_override_self = true)]
 pub struct CaptureArgs {

@@ -48,7 +48,7 @@ impl Purpose {
     /// Replaces the settings that the purpose decides, of an earlier purpose too; all others stay.
     ///
     /// # Errors
-    /// [`Error::Usage`] if the settings are those of a profile with a policy of its own.
+    /// [`crate::Error::Usage`] if the settings are those of a profile with a policy of its own.
     pub fn apply(self, config: &mut RunConfig) -> Result<()> {
         if Profile::of(config.train.policy).is_some() {
             let (name, profile) = (self.name(), config.profile.name());

@@ -43,7 +43,8 @@ impl Video {
     /// Asks ffprobe.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] if it finds no video, [`Error::Unsupported`] for one that cannot be shown in 8 bits.
+    /// [`crate::Error::InvalidInput`] if it finds no video,
+    /// [`crate::Error::Unsupported`] for one that cannot be shown in 8 bits.
     pub fn look(file: &Path, ffmpeg: &Ffmpeg) -> Result<Self> {
         let probe = Command::new(&ffmpeg.ffprobe)
             .option("-v", "error")
@@ -185,7 +186,7 @@ impl Video {
     /// The detail of each frame.
     ///
     /// # Errors
-    /// As [`Command::run`]; [`Error::InvalidInput`] if there is no frame.
+    /// As [`Command::run`]; [`crate::Error::InvalidInput`] if there is no frame.
     pub fn details(&self, ffmpeg: &Ffmpeg, log: &Path, observer: &dyn Observer) -> Result<Vec<Detail>> {
         let (width, height) = self.looked_at_size();
         let filters = format!("{},scale={width}:{height}:flags=area,format=gray", self.numbered());
