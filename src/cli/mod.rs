@@ -12,6 +12,8 @@ mod curve;
 mod devices;
 mod eval;
 mod export;
+mod export_files;
+mod exported;
 mod inspect;
 mod live_view;
 mod man;

@@ -1,7 +1,7 @@
 //! `litetex quickstart`: from nothing to a trained and exported scene in two minutes.
 
 use super::asset_args::AssetArgs;
-use super::export;
+use super::export_files;
 use super::sources::load_scene;
 use super::train;
 use super::train_args::{TrainArgs, TrainingArgs};
@@ -62,7 +62,7 @@ pub fn run(args: &QuickstartArgs, log: &Log) -> Result<Output> {
     let asset = AssetArgs { force: args.force, title: Some("Still life".to_owned()), ..AssetArgs::default() };
     let files = EXPORTS.map(|extension| args.out.join(format!("{NAME}.{extension}")));
     let (scene, trained) = load_scene(&run, log)?;
-    let exports = export::write_all((scene, trained.as_ref()), &files, &asset, "cpu", log)?.output();
+    let exports = export_files::write_all((scene, trained.as_ref()), &files, &asset, "cpu", log)?.output();
     let (capture, run, out_folder) = (capture.display(), run.display(), args.out.display());
     let next = Output::text(format!(
         "Compare  {run}/eval/{:06}/ (images; error/ holds error maps) with {capture}/images/\n\

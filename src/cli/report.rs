@@ -1,7 +1,7 @@
 //! `litetex report`: a run as one web page.
 
 use super::asset_args::{AssetArgs, QualityName};
-use super::export::write_all;
+use super::export_files::write_all;
 use super::report_figures::{facts, figures_of_files, metadata, open_capture};
 use super::report_views::{measure_coverage, worst_views};
 use super::sources::{load_scene, on_device, read_limits};

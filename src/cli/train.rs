@@ -9,7 +9,7 @@ use super::train_args::TrainArgs;
 use super::train_job::{self, Finished, TrainJob};
 use super::train_plan::{self, Start};
 use super::train_summary;
-use super::{batch, export, orphan, outputs};
+use super::{batch, export_files, orphan, outputs};
 use litetex_exporters::ORIGIN_OPTION;
 use litetex_gs::capture::Capture;
 use litetex_gs::console::{Interrupt, Log, Output, device};
@@ -47,7 +47,8 @@ pub fn run(mut args: TrainArgs, nth: Option<usize>, log: &Log) -> Result<Output>
     let mut output = train_summary::output(&summary);
     if !exports.is_empty() {
         let (scene, trained) = load_scene(&run, log)?;
-        let written = export::write_all((scene, trained.as_ref()), &exports, &asset, &args.device, log)?;
+        let written =
+            export_files::write_all((scene, trained.as_ref()), &exports, &asset, &args.device, log)?;
         for file in written.files_for_origin(&exports) {
             let what = format!(
                 "{}: train has no --origin; write it with: litetex export {} {} {ORIGIN_OPTION} --force",
