@@ -1,41 +1,35 @@
 //! The training loop: draws views, steps, applies density control, evaluates and emits events.
 
-use super::background::background_of;
-use super::config::{Exposure, LengthChange, TrainConfig};
+mod batch;
+mod length;
+mod reading;
+
+use batch::PlannedStep;
+pub use reading::NO_SNAPSHOT;
+
+use super::config::{LengthChange, TrainConfig};
 use super::density::DensityCounts;
-use super::eta::{Course, Eta, Remaining};
-use super::evaluate::{Evaluated, evaluate};
+use super::eta::{Course, Eta};
 use super::events::{Control, StopReason, TrainEvent};
 use super::expected_size::ExpectedSize;
 use super::limits::check_limits;
-use super::order::ViewOrder;
-use super::pacing::{self, Timing};
+use super::pacing::Timing;
 use super::prune::{Pruned, Round, TrainingViews};
 use super::schedule::{MOST_PROBES, Schedule};
-use super::state::{CurvePoint, SizeFigures, TrainState};
+use super::state::{SizeFigures, TrainState};
 use super::step_costs::StepCosts;
 use super::targets::Targets;
 use super::window::{self, DensityControl, Stage};
-use crate::backend::{
-    Backend, DeviceLimits, RenderOptions, RenderedImage, StepReport, StepRequest, TargetImage,
-    WindowStatistics,
-};
+use crate::backend::{Backend, DeviceLimits, StepReport, StepRequest, WindowStatistics};
 use crate::camera::Camera;
 use crate::clock::process_cpu_secs;
 use crate::frequency::FrequencySchedule;
 use crate::views::{Split, ViewSource, by_place};
-use crate::{Error, Result, Warning};
-use std::sync::Arc;
+use crate::{Error, Result};
 use std::time::Instant;
 
 /// Consumer of a run's events.
 pub type Sink<'a> = &'a mut dyn FnMut(TrainEvent<'_>) -> Result<Control>;
-
-/// Code of the warning that [`Control::Snapshot`] leads to where the device cannot read its model, as for want of memory.
-pub const NO_SNAPSHOT: &str = "no-snapshot";
-
-/// Views decoded ahead; more if a batch is longer.
-const PREFETCH_VIEWS: usize = 4;
 
 /// Trains from `start` (a fresh state or a loaded checkpoint) to the end of the steps or the consumer's stop. Returns the
 /// final state and why the run ended.
@@ -151,15 +145,6 @@ struct Trainer<'a> {
     state: TrainState,
 }
 
-/// A step of the next batch, with its photo.
-struct PlannedStep {
-    step: u32,
-    view: usize,
-    target: Arc<TargetImage>,
-    /// Whether its render counts in the statistics window: only the first render of a view does.
-    counts: bool,
-}
-
 /// Start of a span of training time.
 struct Clock<'a> {
     timing: &'a Timing<'a>,
@@ -237,58 +222,6 @@ impl Trainer<'_> {
     /// Whether something done every `every` steps is due after `step`. The last step is handled separately.
     fn is_due(&self, every: u32, step: u32) -> bool {
         every > 0 && step > 0 && step.is_multiple_of(every) && step < self.last_step()
-    }
-
-    /// Last step of the run, as far as its changes of length are known.
-    fn last_step(&self) -> u32 {
-        self.plan.last().map_or(self.config.steps, |change| change[1])
-    }
-
-    /// Whether the length of the run changes after a step: as the settings say, or because it is decided then.
-    fn may_change_length(&self, step: u32) -> bool {
-        self.plan.iter().any(|change| change[0] == step)
-            || self.timing.deadline_secs.is_some() && pacing::is_due(&self.schedule, self.decided_at(), step)
-    }
-
-    /// Step after which the length was last decided; 0: never.
-    fn decided_at(&self) -> u32 {
-        self.plan.last().map_or(0, |change| change[0])
-    }
-
-    /// Changes the length of the run if that is due: as the settings say, else so that it ends at the deadline.
-    fn follow_plan(&mut self, sink: Sink<'_>) -> Result<Control> {
-        let step = self.state.step;
-        if !self.may_change_length(step) || self.schedule.changed_at() == step {
-            return Ok(Control::Continue);
-        }
-        if let Some(&change) = self.plan.iter().find(|change| change[0] == step) {
-            self.schedule = self.schedule.changed(change);
-            return Ok(Control::Continue);
-        }
-        let deadline_secs = self.timing.deadline_secs.unwrap_or(f64::INFINITY);
-        let left = self.remaining();
-        let last_step = pacing::last_step(&self.schedule, step, &left, deadline_secs - (self.timing.now)());
-        self.plan.push([step, last_step]);
-        self.schedule = self.schedule.changed([step, last_step]);
-        sink(TrainEvent::Planned { step, last_step, remaining: self.remaining() })
-    }
-
-    /// ETA. While a decision is to come, the length is not what it will be, and the deadline tells more.
-    fn eta_secs(&self) -> f64 {
-        let left = self.remaining();
-        let last_decided = pacing::all_decided(&self.schedule, self.decided_at());
-        match self.timing.deadline_secs.filter(|_| !last_decided) {
-            Some(deadline_secs) => {
-                pacing::eta_secs(&self.schedule, self.state.step, &left, deadline_secs - (self.timing.now)())
-            }
-            None => left.secs(),
-        }
-    }
-
-    /// What the rest of the run will take.
-    fn remaining(&self) -> Remaining {
-        let scale = |step| self.stage_at(step).render_scale;
-        self.eta.remaining(&self.schedule, self.state.step, self.size.splats, scale)
     }
 
     fn evaluated_at(&self) -> Option<u32> {
@@ -446,82 +379,6 @@ impl Trainer<'_> {
         Stage::at(self.config, &self.schedule, &self.frequency, smaller_side_px, step)
     }
 
-    /// The next steps, up to the first after which something reads or changes the model.
-    fn plan_batch(&mut self) -> Result<Vec<PlannedStep>> {
-        let first = self.state.step + 1;
-        let mut order = ViewOrder::after(&self.state, self.config.seed, &self.train_views);
-        let mut wanted = self.backend.batch_steps().max(1);
-        if self.config.exposure == Exposure::Affine {
-            // Exposures change between epochs.
-            wanted = wanted.min(order.left_in_epoch());
-        }
-        let ends = |step| {
-            let TrainConfig { eval_every, save_every, .. } = *self.config;
-            self.is_due(eval_every, step)
-                || self.is_due(save_every, step)
-                || self.schedule.is_density_step(step)
-                || self.schedule.is_crop_step(step)
-                || self.may_change_length(step)
-        };
-        let steps = (first..=self.schedule.last_step).take(wanted);
-        let len = steps.clone().position(ends).map_or(steps.count(), |at| at + 1);
-
-        let views: Vec<usize> = order.by_ref().take(len).collect();
-        // All photos of the next batch will be needed as soon as this one is done.
-        let left = (self.schedule.last_step - self.state.step) as usize - len;
-        let next = order.take(wanted.max(PREFETCH_VIEWS).min(left));
-        let requested = views.iter().copied().chain(next).filter(|&view| self.targets.needs_full(view));
-        self.views.prefetch(&requested.collect::<Vec<_>>());
-        let mut counted = self.state.window_views.clone();
-
-        let mut batch = Vec::with_capacity(len);
-        for (step, view) in (first..).zip(views) {
-            match self.targets.get(self.views, view) {
-                Ok(target) => {
-                    let counts = !counted.contains(&(view as u32));
-                    counted.extend(counts.then_some(view as u32));
-                    batch.push(PlannedStep { step, view, target, counts });
-                }
-                // Do the steps before it first; the next batch requests it again.
-                Err(_) if !batch.is_empty() => break,
-                Err(error) => return Err(error),
-            }
-        }
-        Ok(batch)
-    }
-
-    fn request<'t>(&self, planned: &'t PlannedStep) -> StepRequest<'t> {
-        let step = planned.step;
-        StepRequest {
-            step,
-            camera: self.targets.camera(self.views, planned.view),
-            photo: self.targets.photo(planned.view),
-            target: &planned.target,
-            background: background_of(self.config, step),
-            sh_degree: self.schedule.sh_degree(step, self.config.sh_degree),
-            loss: self.config.loss,
-            rates: self.schedule.rates(self.config, step),
-            accumulate_statistics: planned.counts,
-            exposure: self.state.exposures.of(planned.view),
-        }
-    }
-
-    /// Counts steps as done, and their views as drawn.
-    fn advance(&mut self, steps: usize) {
-        let mut order = ViewOrder::after(&self.state, self.config.seed, &self.train_views);
-        let drawn: Vec<usize> = order.by_ref().take(steps).collect();
-        order.store(&mut self.state);
-        for view in drawn {
-            if !self.state.window_views.contains(&(view as u32)) {
-                self.state.window_views.push(view as u32);
-            }
-        }
-        self.state.step += steps as u32;
-        if steps > 0 && self.state.epoch_used as usize == self.state.epoch_order.len() {
-            self.state.exposures.end_epoch(self.state.step >= self.schedule.density_start);
-        }
-    }
-
     /// Reports the steps of a batch, each with an even share of its `[wall, cpu]` seconds. The backend has done
     /// all of them, so all are reported even if the consumer answers stop.
     fn report(
@@ -553,68 +410,6 @@ impl Trainer<'_> {
             control = control.max(answer);
         }
         Ok(control)
-    }
-
-    fn snapshot(&mut self, sink: Sink<'_>) -> Result<Control> {
-        let (clock, step) = (Clock::start(self.timing), self.state.step);
-        match self.backend.read_flushed() {
-            Ok(model) => {
-                let wall_secs = clock.wall_secs();
-                sink(TrainEvent::Snapshot { step, model, wall_secs })
-            }
-            // No reason to end a training: a device that is lost fails in the next step.
-            Err(error) => sink(TrainEvent::Warning(Warning {
-                code: NO_SNAPSHOT.to_owned(),
-                message: format!("step {step}: the model cannot be shown: {error}"),
-                count: 1,
-            })),
-        }
-    }
-
-    fn evaluate(&mut self, last: bool, sink: Sink<'_>) -> Result<Control> {
-        if self.test_views.is_empty() {
-            return Ok(Control::Continue);
-        }
-        let step = self.state.step;
-        let options = RenderOptions {
-            background: self.config.background,
-            sh_degree: self.schedule.sh_degree(step.max(1), self.config.sh_degree),
-            geometry: false,
-        };
-        let mut on_view =
-            |view: usize, image: &RenderedImage| sink(TrainEvent::EvalView { step, view, image });
-        let outcome = evaluate(self.backend, self.views, &self.test_views, &options, &mut on_view)?;
-        let evaluation = match outcome {
-            Evaluated::Figures(evaluation) => evaluation,
-            Evaluated::Stopped => return Ok(Control::Stop),
-            Evaluated::Nothing => {
-                let message = "the masks exclude every pixel of the test views: there are no test figures";
-                return sink(TrainEvent::Warning(Warning {
-                    code: "no-test-figures".into(),
-                    message: message.into(),
-                    count: 1,
-                }));
-            }
-        };
-        let history = &mut self.state.history;
-        let point = CurvePoint {
-            step,
-            wall_secs: history.train_wall_secs,
-            cpu_secs: history.train_cpu_secs,
-            psnr_test: evaluation.psnr,
-            grad_psnr_test: evaluation.grad_psnr,
-            size: self.size,
-        };
-        history.curve.retain(|p| p.step != step);
-        history.curve.push(point.clone());
-        sink(TrainEvent::Evaluated { step, evaluation: &evaluation, point: &point, last })
-    }
-
-    fn checkpoint(&mut self, sink: Sink<'_>) -> Result<()> {
-        (self.state.model, self.state.adam) = self.backend.read_back()?;
-        self.state.window = self.backend.read_statistics()?;
-        sink(TrainEvent::Checkpoint { state: &self.state })?;
-        Ok(())
     }
 }
 

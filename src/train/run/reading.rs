@@ -1,0 +1,74 @@
+//! What reads the model while a run goes on: snapshots, evaluations, checkpoints.
+
+use super::super::evaluate::{Evaluated, evaluate};
+use super::super::state::CurvePoint;
+use super::{Clock, Control, Sink, TrainEvent, Trainer};
+use crate::backend::{RenderOptions, RenderedImage};
+use crate::{Result, Warning};
+
+/// Code of the warning that [`Control::Snapshot`] leads to where the device cannot read its model, as for want of memory.
+pub const NO_SNAPSHOT: &str = "no-snapshot";
+
+impl Trainer<'_> {
+    pub(super) fn snapshot(&mut self, sink: Sink<'_>) -> Result<Control> {
+        let (clock, step) = (Clock::start(self.timing), self.state.step);
+        match self.backend.read_flushed() {
+            Ok(model) => {
+                let wall_secs = clock.wall_secs();
+                sink(TrainEvent::Snapshot { step, model, wall_secs })
+            }
+            // No reason to end a training: a device that is lost fails in the next step.
+            Err(error) => sink(TrainEvent::Warning(Warning {
+                code: NO_SNAPSHOT.to_owned(),
+                message: format!("step {step}: the model cannot be shown: {error}"),
+                count: 1,
+            })),
+        }
+    }
+
+    pub(super) fn evaluate(&mut self, last: bool, sink: Sink<'_>) -> Result<Control> {
+        if self.test_views.is_empty() {
+            return Ok(Control::Continue);
+        }
+        let step = self.state.step;
+        let options = RenderOptions {
+            background: self.config.background,
+            sh_degree: self.schedule.sh_degree(step.max(1), self.config.sh_degree),
+            geometry: false,
+        };
+        let mut on_view =
+            |view: usize, image: &RenderedImage| sink(TrainEvent::EvalView { step, view, image });
+        let outcome = evaluate(self.backend, self.views, &self.test_views, &options, &mut on_view)?;
+        let evaluation = match outcome {
+            Evaluated::Figures(evaluation) => evaluation,
+            Evaluated::Stopped => return Ok(Control::Stop),
+            Evaluated::Nothing => {
+                let message = "the masks exclude every pixel of the test views: there are no test figures";
+                return sink(TrainEvent::Warning(Warning {
+                    code: "no-test-figures".into(),
+                    message: message.into(),
+                    count: 1,
+                }));
+            }
+        };
+        let history = &mut self.state.history;
+        let point = CurvePoint {
+            step,
+            wall_secs: history.train_wall_secs,
+            cpu_secs: history.train_cpu_secs,
+            psnr_test: evaluation.psnr,
+            grad_psnr_test: evaluation.grad_psnr,
+            size: self.size,
+        };
+        history.curve.retain(|p| p.step != step);
+        history.curve.push(point.clone());
+        sink(TrainEvent::Evaluated { step, evaluation: &evaluation, point: &point, last })
+    }
+
+    pub(super) fn checkpoint(&mut self, sink: Sink<'_>) -> Result<()> {
+        (self.state.model, self.state.adam) = self.backend.read_back()?;
+        self.state.window = self.backend.read_statistics()?;
+        sink(TrainEvent::Checkpoint { state: &self.state })?;
+        Ok(())
+    }
+}
