@@ -5,10 +5,10 @@ use super::density::DensityCounts;
 use super::eta::Remaining;
 use super::prune::Pruned;
 use super::state::{SizeFigures, TrainState};
-use crate::Warning;
 use crate::backend::{DeviceInfo, LossValues, RenderedImage, StepReport};
 use crate::eval::Evaluation;
 use crate::model::Model;
+use crate::{Result, Warning};
 
 /// The consumer's answer to an event. Of several answers to the events of a batch, the greatest counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -136,3 +136,6 @@ pub enum TrainEvent<'a> {
         reason: StopReason,
     },
 }
+
+/// Consumer of a run's events.
+pub type Sink<'a> = &'a mut dyn FnMut(TrainEvent<'_>) -> Result<Control>;

@@ -3,7 +3,7 @@
 use super::super::background::background_of;
 use super::super::config::{Exposure, TrainConfig};
 use super::super::order::ViewOrder;
-use super::Trainer;
+use super::trainer::Trainer;
 use crate::Result;
 use crate::backend::{StepRequest, TargetImage};
 use std::sync::Arc;

@@ -1,8 +1,9 @@
 //! The length of a run and how long the rest of it takes.
 
 use super::super::eta::Remaining;
+use super::super::events::{Control, Sink, TrainEvent};
 use super::super::pacing;
-use super::{Control, Sink, TrainEvent, Trainer};
+use super::trainer::Trainer;
 use crate::Result;
 
 impl Trainer<'_> {

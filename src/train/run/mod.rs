@@ -3,14 +3,16 @@
 mod batch;
 mod length;
 mod reading;
+mod trainer;
 
 use batch::PlannedStep;
 pub use reading::NO_SNAPSHOT;
+use trainer::{Clock, Trainer};
 
-use super::config::{LengthChange, TrainConfig};
+use super::config::TrainConfig;
 use super::density::DensityCounts;
 use super::eta::{Course, Eta};
-use super::events::{Control, StopReason, TrainEvent};
+use super::events::{Control, Sink, StopReason, TrainEvent};
 use super::expected_size::ExpectedSize;
 use super::limits::check_limits;
 use super::pacing::Timing;
@@ -20,16 +22,13 @@ use super::state::{SizeFigures, TrainState};
 use super::step_costs::StepCosts;
 use super::targets::Targets;
 use super::window::{self, DensityControl, Stage};
-use crate::backend::{Backend, DeviceLimits, StepReport, StepRequest, WindowStatistics};
+use crate::backend::{Backend, StepReport, StepRequest, WindowStatistics};
 use crate::camera::Camera;
 use crate::clock::process_cpu_secs;
 use crate::frequency::FrequencySchedule;
 use crate::views::{Split, ViewSource, by_place};
 use crate::{Error, Result};
 use std::time::Instant;
-
-/// Consumer of a run's events.
-pub type Sink<'a> = &'a mut dyn FnMut(TrainEvent<'_>) -> Result<Control>;
 
 /// Trains from `start` (a fresh state or a loaded checkpoint) to the end of the steps or the consumer's stop. Returns the
 /// final state and why the run ended.
@@ -120,46 +119,6 @@ pub fn train_by(
     trainer.state.history.train_wall_secs += clock.wall_secs();
     trainer.state.history.train_cpu_secs += process_cpu_secs() - clock.cpu_secs;
     trainer.train(sink)
-}
-
-/// A training under way.
-struct Trainer<'a> {
-    timing: &'a Timing<'a>,
-    /// Changes of the length, those of the settings and those decided since.
-    plan: Vec<LengthChange>,
-    config: &'a TrainConfig,
-    backend: &'a mut dyn Backend,
-    views: &'a dyn ViewSource,
-    train_views: Vec<usize>,
-    test_views: Vec<usize>,
-    schedule: Schedule,
-    frequency: FrequencySchedule,
-    limits: DeviceLimits,
-    eta: Eta,
-    /// Cameras of the training views, at full size.
-    cameras: Vec<Camera>,
-    stage: Stage,
-    targets: Targets,
-    /// Splats and texels of the backend's model; the model of the state is that of the last checkpoint.
-    size: SizeFigures,
-    state: TrainState,
-}
-
-/// Start of a span of training time.
-struct Clock<'a> {
-    timing: &'a Timing<'a>,
-    began_secs: f64,
-    cpu_secs: f64,
-}
-
-impl<'a> Clock<'a> {
-    fn start(timing: &'a Timing<'a>) -> Self {
-        Self { timing, began_secs: (timing.now)(), cpu_secs: process_cpu_secs() }
-    }
-
-    fn wall_secs(&self) -> f64 {
-        (self.timing.now)() - self.began_secs
-    }
 }
 
 impl Trainer<'_> {

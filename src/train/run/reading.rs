@@ -1,8 +1,9 @@
 //! What reads the model while a run goes on: snapshots, evaluations, checkpoints.
 
 use super::super::evaluate::{Evaluated, evaluate};
+use super::super::events::{Control, Sink, TrainEvent};
 use super::super::state::CurvePoint;
-use super::{Clock, Control, Sink, TrainEvent, Trainer};
+use super::trainer::{Clock, Trainer};
 use crate::backend::{RenderOptions, RenderedImage};
 use crate::{Result, Warning};
 
