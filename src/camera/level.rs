@@ -31,14 +31,19 @@ const ROLL_SINES: [f64; 4] = [0.0175, 0.0349, 0.0698, 0.1392];
 const SHARES: [[f64; 3]; 2] = [[0.6, 0.2, 0.2], PORTRAIT_SHARES];
 const PORTRAIT_SHARES: [f64; 3] = [0.1, 0.7, 0.2];
 
-/// What a mixture must gain in log likelihood over least squares if the photos' mean upward direction speaks for it. Measured
-/// on photos in landscape, roll of 0 to 20 degrees: of 12 photos 1.9 at most, of 16 and more none; of 8 photos 6.4, but without
-/// harm. What it finds of 12 photos, a third of them rolled by 20 to 60 degrees: 3.3 in the middle; of 32 photos at least 6.9.
+/// What a mixture must gain in log likelihood over least squares. Measured on photos in landscape, roll of 0 to 20 degrees, where
+/// the photos' mean upward direction speaks for the mixture: of 12 photos 1.9 at most, of 16 and more none; of 8 photos 6.4, but
+/// without harm. What is found of 12 photos, a third of them rolled by 20 to 60 degrees: 3.3 in the middle; of 32 at least 6.9.
 const GAIN_MIN: f64 = 2.0;
 
-/// As above, if the mean does not speak for it. Measured as above: of 8 photos 6.7 at most, of 12 6.0, of 16 3.8, of 32 1.3.
-/// What it finds where 40 % are in portrait, roll 2 degrees: of 12 photos at least 11, of 32 at least 43.
-const GAIN_MIN_ASIDE: f64 = 7.0;
+/// What it must gain besides, by the number of photos, if the mean does not speak for it. Measured as above, in all: of 8 photos
+/// 6.7 at most, of 12 6.0, of 16 3.8, of 24 1.6, of 32 1.3. What is found where 40 % are in portrait, roll 2 degrees: of 12
+/// photos at least 11, of 32 at least 43; roll 5 degrees, over a sixth of a circle: of 32 photos 4 in the middle.
+const GAIN_MIN_ASIDE: f64 = 60.0;
+
+/// How much more probable a mixture must be than another that the mean speaks for, if it does not for this one, in log
+/// likelihood. Without it, of 32 photos all around that look ahead, 40 % of them in portrait, what is found lies on its side.
+const ASIDE: f64 = 5.0;
 
 /// The mean speaks for a direction to within this angle, as a cosine. Measured: photos over an arc, 30 degrees down, tilt it by
 /// 24 degrees.
@@ -46,7 +51,7 @@ const MEAN_SPEAKS_COS: f64 = 0.766; // 40 degrees
 
 /// Least squares divides by how far a photo is from looking along up, for a roll shows in the right axis only that far; this
 /// is added, for photos that look straight down tell by their right axes alone. Measured, 60 photos over a third of a circle,
-/// roll of 20 degrees: off by 3.1 degrees in the middle, 9.1 without the division.
+/// roll of 20 degrees: off by 3.7 degrees in the middle, 8.9 without the division.
 const STEEP: f64 = 0.1;
 
 /// Photos whose pairs propose directions; more do not find better ones where half of the photos are level.
@@ -125,27 +130,30 @@ impl Fit {
 /// The direction to which the photos are level; `None` without photos.
 pub(super) fn fit(photos: &[Axes]) -> Option<Fit> {
     let mean = photos.iter().map(|p| p.down).sum::<DVec3>().try_normalize();
-    let asked = |up: DVec3| {
-        let speaks = mean.is_some_and(|mean| mean.dot(up).abs() >= MEAN_SPEAKS_COS);
-        if speaks { GAIN_MIN } else { GAIN_MIN_ASIDE }
-    };
-    let plain: Vec<(DVec3, f64)> = photos.iter().map(|p| (p.right, 1.0)).collect();
-    let right_axes = covariance(plain.iter().copied());
+    let is_aside = |up: DVec3| mean.is_none_or(|mean| mean.dot(up).abs() < MEAN_SPEAKS_COS);
+    let score = |likelihood: f64, up: DVec3| likelihood - if is_aside(up) { ASIDE } else { 0.0 };
     let deciding = spread(photos, DECIDING);
     let proposed = proposals(photos);
-    let mixtures = Mixture::all().into_iter().map(|mixture| {
-        let likelihood = |up: &DVec3| mixture.likelihood(&deciding, *up) - asked(*up);
-        let scored = proposed.iter().map(|up| (likelihood(up), *up));
+    let mixed = Mixture::all().into_iter().map(|mixture| {
+        let scored = proposed.iter().map(|up| (score(mixture.likelihood(&deciding, *up), *up), *up));
         let near = scored.max_by(|a, b| a.0.total_cmp(&b.0)).map_or(DVec3::NEG_Y, |best| best.1);
         let (likelihood, up) = mixture.refined(photos, near);
-        (likelihood - asked(up), mixture.fit(photos, up))
+        (likelihood, mixture.fit(photos, up))
     });
     // Level axes that are all alike are level to many a direction.
-    let mixed = mixtures.filter(|(_, fit)| !fit.is_open()).max_by(|a, b| a.0.total_cmp(&b.0));
-    let to_beat = plain_likelihood(photos.len(), eigen(right_axes).0[0]);
+    let mixed = mixed.filter(|(_, fit)| !fit.is_open());
+    let mixed = mixed.max_by(|a, b| score(a.0, a.1.vertical).total_cmp(&score(b.0, b.1.vertical)));
+
+    let plain: Vec<(DVec3, f64)> = photos.iter().map(|p| (p.right, 1.0)).collect();
+    let right_axes = covariance(plain.iter().copied());
+    let likelihood = plain_likelihood(photos.len(), eigen(right_axes).0[0]);
+    let mixed = mixed.filter(|(mixed, fit)| {
+        let aside = if is_aside(fit.vertical) { GAIN_MIN_ASIDE / photos.len() as f64 } else { 0.0 };
+        *mixed > likelihood + GAIN_MIN + aside
+    });
     let across = DMat3::IDENTITY * (1.0 + STEEP) - covariance(photos.iter().map(|p| (p.forward, 1.0)));
     let plain = || Fit::of(photos, least_ratio(right_axes, across), &plain);
-    (!photos.is_empty()).then(|| mixed.filter(|mixed| mixed.0 > to_beat).map_or_else(plain, |mixed| mixed.1))
+    (!photos.is_empty()).then(|| mixed.map_or_else(plain, |mixed| mixed.1))
 }
 
 /// The fit of photos that are mostly in portrait, from a direction near it.
