@@ -118,6 +118,9 @@ fn load_folder(path: &Path, options: &LoadOptions, archive: Option<&Unpacked>) -
     if let Some(disagreement) = up.disagreement() {
         report.warn("up-not-as-stated", 1, disagreement);
     }
+    if let Some(uncertainty) = up.uncertainty() {
+        report.warn("up-uncertain", 1, uncertainty);
+    }
     Ok(Capture {
         name: name_of(&folder.root),
         format,
