@@ -11,7 +11,7 @@ use crate::camera::RigidTransform;
 use crate::capture::folder::CaptureFolder;
 use crate::capture::left_out::LeftOut;
 use crate::capture::lens::Distortion;
-use crate::capture::paths::plain;
+use crate::capture::paths::{common_folder, plain};
 use crate::capture::photo_folder::PhotoFolder;
 use crate::capture::pose_format::{Found, PoseFormat};
 use crate::capture::source::{Source, SourceView, UnusedView, Why};
@@ -256,17 +256,11 @@ fn name(root: &Path, file_path: &str, photo: &Path) -> String {
 
 /// Makes names relative to the folder that all photos share, as COLMAP's names are.
 fn strip_common_folder(source: &mut Source) {
-    while let Some((folder, _)) = source.views.first().and_then(|v| v.name.split_once('/')) {
-        let prefix = format!("{folder}/");
-        if !source.views.iter().all(|v| v.name.starts_with(&prefix)) {
-            break;
-        }
-        let unused = source.unused.iter_mut().map(|v| &mut v.name);
-        for name in source.views.iter_mut().map(|v| &mut v.name).chain(unused) {
-            if name.starts_with(&prefix) {
-                name.drain(..prefix.len());
-            }
-        }
+    let folder = common_folder(source.views.iter().map(|v| v.name.as_str())).to_owned();
+    source.views.iter_mut().for_each(|v| drop(v.name.drain(..folder.len())));
+    for view in &mut source.unused {
+        let shared = common_folder([folder.as_str(), view.name.as_str()]).len();
+        view.name.drain(..shared);
     }
 }
 
