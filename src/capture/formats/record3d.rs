@@ -53,7 +53,10 @@ fn find(path: &Path, _: &mut Report) -> Option<Found> {
     let is_ours =
         || input_file::read_text(&file, FILE_BYTES_MAX).is_ok_and(|text| text.contains("\"poses\""));
     let found = has_photos && is_ours();
-    found.then(|| Found { root: path.to_owned(), read: Box::new(move |folder| read(&file, folder)) })
+    found.then(|| {
+        let files = vec![file.clone()];
+        Found { files, ..Found::new(path, Box::new(move |folder| read(&file, folder))) }
+    })
 }
 
 fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
