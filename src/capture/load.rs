@@ -38,6 +38,11 @@ impl Capture {
     pub fn load(path: &Path, options: &LoadOptions) -> Result<Self> {
         load(path, options)
     }
+
+    /// Whether a file is one of those that lead to the capture around them, as `sparse/0/images.bin` does.
+    pub fn is_pose_file(path: &Path) -> bool {
+        find_around(path, &|_| true, &mut Report::default()).is_some()
+    }
 }
 
 fn load(path: &Path, options: &LoadOptions) -> Result<Capture> {

@@ -83,8 +83,10 @@ pub(super) fn read(folder: &Path) -> Result<Source> {
         // As the converters for Gaussian splats write the points of the model.
         points_beside::read(folder, &["points3d"], &mut source);
         let points = match &source.points_file {
-            Some(file) => format!("the points are those of {}", text::path(file)),
-            None => "the capture has no points".to_owned(),
+            Some(file) if !source.points.is_empty() => {
+                format!("the points are those of {}", text::path(file))
+            }
+            _ => "the capture has no points".to_owned(),
         };
         let what = format!("{}: neither points3D.bin nor points3D.txt here: {points}", folder.display());
         source.report.warn("no-points-file", 1, what);

@@ -24,6 +24,7 @@ pub(super) fn read(folder: &Path, names: &[&str], source: &mut Source) {
         }
         // It may be of another project.
         Err(error) => {
+            source.points_file = Some(cloud);
             let what = format!("{error}; the capture is read without these points");
             source.report.warn("points-beside-unreadable", 1, what);
         }
@@ -38,6 +39,8 @@ pub(crate) fn name(root: &Path, source: &mut Source) {
     found.extend(poses.into_iter().flat_map(clouds));
     found.sort();
     found.dedup();
+    // What cannot be read was named.
+    found.retain(|cloud| Some(cloud) != source.points_file.as_ref());
     warn(&found, source);
 }
 

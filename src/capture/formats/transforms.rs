@@ -256,10 +256,11 @@ fn read_points(path: &Path, stated: &Value, folder: &CaptureFolder, source: &mut
         source.report.warn("points-file-missing", 1, what);
         return Ok(());
     }
-    match ply::read_points(&ply) {
+    let read = ply::read_points(&ply);
+    source.points_file = Some(ply);
+    match read {
         Ok(points) => {
             source.points.extend(points);
-            source.points_file = Some(ply);
         }
         Err(error) => {
             let what =
