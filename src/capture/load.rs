@@ -77,7 +77,7 @@ fn load_folder(path: &Path, options: &LoadOptions, archive: Option<&Unpacked>) -
     let folder = CaptureFolder::new(&found.root, options.images.as_deref(), archive.is_some())?;
     let mut source = (found.read)(&folder)?;
     if source.points.is_empty() && source.broken_points.is_empty() {
-        formats::points_beside::name(&folder.root, &mut source);
+        formats::points_files::name(&folder.root, &mut source);
     }
     report.merge(std::mem::take(&mut source.report));
     if source.num_posed() == 0 {

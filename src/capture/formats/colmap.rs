@@ -3,7 +3,7 @@
 
 use super::colmap_lens::lens;
 use super::colmap_model::{ColmapImage, ColmapSparse, Parts};
-use super::{colmap_bin, colmap_txt, points_beside};
+use super::{colmap_bin, colmap_txt, points_files};
 use crate::capture::left_out::LeftOut;
 use crate::capture::lens::Lens;
 use crate::capture::source::{Source, SourceView, checked_pose, first_names, first_of};
@@ -81,7 +81,7 @@ pub(super) fn read(folder: &Path) -> Result<Source> {
     let mut source = Source { report: std::mem::take(&mut report), ..Source::at(folder) };
     if part(folder, "points3D").is_none() {
         // As the converters for Gaussian splats write the points of the model.
-        points_beside::read(folder, &["points3d"], &mut source);
+        points_files::read(folder, &["points3d"], &mut source);
         let points = match &source.points_file {
             Some(file) if !source.points.is_empty() => {
                 format!("the points are those of {}", text::path(file))
