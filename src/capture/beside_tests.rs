@@ -89,10 +89,13 @@ fn the_pose_file_leads_to_its_capture() {
         let (by_file, by_folder) = (load(&root.join(file)).unwrap(), load(root).unwrap());
         assert_eq!((by_file.format.name(), by_file.views.len()), (format, 12));
         assert_eq!(by_file.views, by_folder.views);
+        // The CSV is found by its columns.
+        assert_eq!(Capture::is_pose_file(&root.join(file)), format != "reality-capture");
     }
     std::fs::write(rows.path().join("other.csv"), "a,b\n1,2\n").unwrap();
     assert_eq!(load(&rows.path().join("other.csv")).err().unwrap().exit_code(), 4, "negative control");
-    assert!(load(&model.path().join("images/p01.png")).is_err(), "a photo is no pose file");
+    let photo = model.path().join("images/p01.png");
+    assert!(load(&photo).is_err() && !Capture::is_pose_file(&photo), "a photo is no pose file");
 }
 
 #[test]

@@ -38,6 +38,11 @@ impl Capture {
     pub fn load(path: &Path, options: &LoadOptions) -> Result<Self> {
         load(path, options)
     }
+
+    /// Whether a file is one of those that lead to the capture around them, as `sparse/0/images.bin` does.
+    pub fn is_pose_file(path: &Path) -> bool {
+        find_around(path, &|_| true, &mut Report::default()).is_some()
+    }
 }
 
 fn load(path: &Path, options: &LoadOptions) -> Result<Capture> {
@@ -72,7 +77,7 @@ fn load_folder(path: &Path, options: &LoadOptions, archive: Option<&Unpacked>) -
     let folder = CaptureFolder::new(&found.root, options.images.as_deref(), archive.is_some())?;
     let mut source = (found.read)(&folder)?;
     if source.points.is_empty() && source.broken_points.is_empty() {
-        formats::points_beside::name(&folder.root, &mut source);
+        formats::points_files::name(&folder.root, &mut source);
     }
     report.merge(std::mem::take(&mut source.report));
     if source.num_posed() == 0 {

@@ -107,6 +107,8 @@ fn points_of_a_json_that_cannot_be_read_are_no_error() {
         let capture = load(folder.path()).unwrap();
         assert_eq!((capture.views.len(), capture.points.len()), (12, 0), "{part}");
         assert!(warning(&capture, "points-file-unreadable", 1).contains(part), "{:?}", capture.report);
+        let is_named_twice = part == "points.ply" && has_warning(&capture, "points-beside-not-used");
+        assert!(!is_named_twice, "{:?}", capture.report);
     }
     let folder = with("points.ply".into());
     std::fs::write(folder.path().join("points.ply"), format!("{header}0 0 1\n0 0 2\n")).unwrap();

@@ -106,7 +106,7 @@ pub(crate) struct Source {
     pub stated_up: Option<DVec3>,
     /// The program whose poses are in metres, where the format says so.
     pub metric: Option<&'static str>,
-    /// The file of the points, where the poses name one.
+    /// The file of the points, where the poses name one or one lies beside them, whether it can be read or not.
     pub points_file: Option<PathBuf>,
     /// Mean reprojection error of the points in pixels, where the format states it.
     pub reprojection_error_px: Option<f64>,

@@ -79,7 +79,7 @@ fn inspect(args: &InspectArgs, log: &Log) -> Result<Found> {
         _ if is_checkpoint(path) => checkpoint(path).map(Found::from),
         _ if is_run(path) => run_folder(path).map(Found::from),
         extension => {
-            if !["zip", "r3d", "json", "csv", "xml"].contains(&extension) {
+            if !["zip", "r3d", "json", "csv", "xml"].contains(&extension) && !Capture::is_pose_file(path) {
                 check_kind(path, " or a capture (a folder, a ZIP archive, transforms.json)")?;
             }
             let mut options = LoadOptions::default();

@@ -3,11 +3,11 @@
 
 use super::colmap_lens::lens;
 use super::colmap_model::{ColmapImage, ColmapSparse, Parts};
-use super::{colmap_bin, colmap_txt, points_beside};
+use super::{colmap_bin, colmap_txt, points_files};
 use crate::capture::left_out::LeftOut;
 use crate::capture::lens::Lens;
 use crate::capture::source::{Source, SourceView, checked_pose, first_names, first_of};
-use crate::text::{counted, quoted};
+use crate::text::{self, quoted};
 use crate::views::SfmPoint;
 use crate::{Report, Result};
 use glam::{DMat3, DQuat, DVec3};
@@ -20,7 +20,7 @@ pub(super) fn part(folder: &Path, stem: &str) -> Option<PathBuf> {
 }
 
 /// Reads the files of a sparse model.
-fn read_sparse(folder: &Path, report: &mut Report) -> Result<ColmapSparse> {
+fn read_sparse(folder: &Path) -> Result<ColmapSparse> {
     let is_binary = |p: &Path| p.extension().is_some_and(|e| e == "bin");
     let required = |stem: &str| {
         part(folder, stem).ok_or_else(|| invalid!(folder, "neither \"{stem}.bin\" nor \"{stem}.txt\" here"))
@@ -28,10 +28,6 @@ fn read_sparse(folder: &Path, report: &mut Report) -> Result<ColmapSparse> {
     let cameras = required("cameras")?;
     let images = required("images")?;
     let points = part(folder, "points3D");
-    if points.is_none() {
-        let what = format!("{}: neither points3D.bin nor points3D.txt here", folder.display());
-        report.warn("no-points-file", 1, what);
-    }
     let cameras_file = cameras;
     let sparse = ColmapSparse {
         cameras: if is_binary(&cameras_file) {
@@ -65,7 +61,7 @@ fn used_cameras(sparse: &ColmapSparse) -> HashSet<u32> {
 /// Reads a sparse model into a [`Source`].
 pub(super) fn read(folder: &Path) -> Result<Source> {
     let mut report = Report::default();
-    let sparse = read_sparse(folder, &mut report)?;
+    let sparse = read_sparse(folder)?;
     let lenses = lenses(folder, &sparse, &mut report);
     warn_of_ids(folder, &sparse.images.good, &mut report);
     let points = &sparse.points.good;
@@ -85,7 +81,15 @@ pub(super) fn read(folder: &Path) -> Result<Source> {
     let mut source = Source { report: std::mem::take(&mut report), ..Source::at(folder) };
     if part(folder, "points3D").is_none() {
         // As the converters for Gaussian splats write the points of the model.
-        points_beside::read(folder, &["points3d"], &mut source);
+        points_files::read(folder, &["points3d"], &mut source);
+        let points = match &source.points_file {
+            Some(file) if !source.points.is_empty() => {
+                format!("the points are those of {}", text::path(file))
+            }
+            _ => "the capture has no points".to_owned(),
+        };
+        let what = format!("{}: neither points3D.bin nor points3D.txt here: {points}", folder.display());
+        source.report.warn("no-points-file", 1, what);
     }
     for image in &sparse.images.broken {
         let name = image.name.as_deref().unwrap_or_default().replace('\\', "/");
@@ -145,9 +149,13 @@ fn lenses(folder: &Path, sparse: &ColmapSparse, report: &mut Report) -> Lenses {
     }
     if !repeated.is_empty() {
         let what = format!(
-            "{}: {} that repeat another word for word: {}",
+            "{}: {} another word for word and {} not counted: {}",
             folder.display(),
-            counted(repeated.len(), "camera line"),
+            match repeated.len() {
+                1 => "1 camera repeats".to_owned(),
+                count => format!("{count} cameras repeat"),
+            },
+            if repeated.len() == 1 { "is" } else { "are" },
             first_of(repeated.iter().cloned())
         );
         report.warn("cameras-repeated", repeated.len(), what);
@@ -190,9 +198,9 @@ fn warn_of_ids(folder: &Path, images: &[ColmapImage], report: &mut Report) {
     }
     if !again.is_empty() {
         let what = format!(
-            "{}: {} with the id of another; all are used: {}",
+            "{}: {} the id of another; all are used: {}",
             folder.display(),
-            counted(again.len(), "image"),
+            if again.len() == 1 { "1 image has".to_owned() } else { format!("{} images have", again.len()) },
             first_of(again.iter().map(|image| format!("{} ({})", quoted(&image.name), image.id)))
         );
         report.warn("image-ids-repeated", again.len(), what);

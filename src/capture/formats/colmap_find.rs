@@ -94,9 +94,10 @@ fn capture_root(path: &Path) -> PathBuf {
     path.to_owned()
 }
 
-/// The files of a model.
+/// The files of a model, in both encodings.
 fn parts(model: &Path) -> Vec<PathBuf> {
-    ["cameras", "images", "points3D"].into_iter().filter_map(|stem| part(model, stem)).collect()
+    let stems = ["cameras", "images", "points3D"];
+    stems.iter().flat_map(|stem| ["bin", "txt"].map(|ext| model.join(format!("{stem}.{ext}")))).collect()
 }
 
 /// Whether a folder holds a sparse model.

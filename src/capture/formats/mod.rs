@@ -18,7 +18,7 @@ mod lookup;
 mod metashape;
 mod metashape_lens;
 pub(crate) mod ply;
-pub(crate) mod points_beside;
+pub(crate) mod points_files;
 mod polycam;
 mod reality_capture;
 mod reality_xmp;

@@ -4,7 +4,7 @@
 
 use super::axes::from_opengl;
 use super::bytes::read_text;
-use super::{film, points_beside};
+use super::{film, points_files};
 use crate::camera::RigidTransform;
 use crate::capture::folder::CaptureFolder;
 use crate::capture::left_out::LeftOut;
@@ -158,7 +158,7 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
         return Err(invalid!(path, "no header with the columns {}", REQUIRED.join(", ")));
     }
     left_out.finish_views(path, total, &mut source)?;
-    points_beside::read(&folder.root, &POINTS, &mut source);
+    points_files::read(&folder.root, &POINTS, &mut source);
     Ok(source)
 }
 

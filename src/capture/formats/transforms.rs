@@ -5,7 +5,7 @@ use super::axes::from_opengl;
 use super::frame_uses::{Flags, Use, uses};
 use super::json::{self, Number};
 use super::listed_split::Filenames;
-use super::ply;
+use super::points_files;
 use super::transforms_lens::Intrinsics;
 use crate::camera::RigidTransform;
 use crate::capture::folder::CaptureFolder;
@@ -223,51 +223,9 @@ fn read_one(path: &Path, split: Option<Split>, folders: &Folders, source: &mut S
     }
     left_out.finish_views(path, file.frames.len(), source)?;
     match &file.ply_file_path {
-        Some(stated) => read_points(path, stated, folder, source),
+        Some(stated) => points_files::read_named(path, stated, folder, source),
         None => Ok(()),
     }
-}
-
-/// Reads the points that the pose file at `path` names. Without them the capture can be used all the same.
-///
-/// # Errors
-/// If they lie outside an archive.
-fn read_points(path: &Path, stated: &Value, folder: &CaptureFolder, source: &mut Source) -> Result<()> {
-    let Some(stated) = stated.as_str() else {
-        let found = stated.to_string();
-        let what = format!(
-            "{}: ply_file_path holds {}, expected the path of a file",
-            text::path(path),
-            text::shortened(&found, 40)
-        );
-        source.report.warn("points-file-unreadable", 1, what);
-        return Ok(());
-    };
-    if stated.trim().is_empty() {
-        return Ok(());
-    }
-    let ply = folder.file(stated)?;
-    // Blender's files name the same points each.
-    if source.points_file.as_ref() == Some(&ply) {
-        return Ok(());
-    }
-    if !ply.exists() {
-        let what = format!("{}: the points that {} names are not there", text::path(&ply), text::path(path));
-        source.report.warn("points-file-missing", 1, what);
-        return Ok(());
-    }
-    match ply::read_points(&ply) {
-        Ok(points) => {
-            source.points.extend(points);
-            source.points_file = Some(ply);
-        }
-        Err(error) => {
-            let what =
-                format!("{error}; the capture is read without the points that {} names", text::path(path));
-            source.report.warn("points-file-unreadable", 1, what);
-        }
-    }
-    Ok(())
 }
 
 /// Why a frame is no view.

@@ -1,10 +1,61 @@
-//! Point clouds that lie beside the poses and that these do not name.
+//! Point clouds that pose files name, or that lie beside them.
 
 use super::ply;
+use crate::Result;
+use crate::capture::folder::CaptureFolder;
 use crate::capture::left_out::checked_points;
 use crate::capture::source::{Source, first_paths};
 use crate::text;
+use serde_json::Value;
 use std::path::{Path, PathBuf};
+
+/// Reads the points that the pose file at `path` names with its `ply_file_path`. Without them the capture can be used all the same.
+///
+/// # Errors
+/// If they lie outside an archive.
+pub(super) fn read_named(
+    path: &Path,
+    stated: &Value,
+    folder: &CaptureFolder,
+    source: &mut Source,
+) -> Result<()> {
+    let Some(stated) = stated.as_str() else {
+        let found = stated.to_string();
+        let what = format!(
+            "{}: ply_file_path holds {}, expected the path of a file",
+            text::path(path),
+            text::shortened(&found, 40)
+        );
+        source.report.warn("points-file-unreadable", 1, what);
+        return Ok(());
+    };
+    if stated.trim().is_empty() {
+        return Ok(());
+    }
+    let ply = folder.file(stated)?;
+    // Blender's files name the same points each.
+    if source.points_file.as_ref() == Some(&ply) {
+        return Ok(());
+    }
+    if !ply.exists() {
+        let what = format!("{}: the points that {} names are not there", text::path(&ply), text::path(path));
+        source.report.warn("points-file-missing", 1, what);
+        return Ok(());
+    }
+    let read = ply::read_points(&ply);
+    source.points_file = Some(ply);
+    match read {
+        Ok(points) => {
+            source.points.extend(points);
+        }
+        Err(error) => {
+            let what =
+                format!("{error}; the capture is read without the points that {} names", text::path(path));
+            source.report.warn("points-file-unreadable", 1, what);
+        }
+    }
+    Ok(())
+}
 
 /// Reads the first of the files of these names, in lower case and without extension, in a folder where clouds of such names
 /// are those of the poses. Other clouds there may be of another project, so they are only named.
@@ -24,6 +75,7 @@ pub(super) fn read(folder: &Path, names: &[&str], source: &mut Source) {
         }
         // It may be of another project.
         Err(error) => {
+            source.points_file = Some(cloud);
             let what = format!("{error}; the capture is read without these points");
             source.report.warn("points-beside-unreadable", 1, what);
         }
@@ -38,6 +90,8 @@ pub(crate) fn name(root: &Path, source: &mut Source) {
     found.extend(poses.into_iter().flat_map(clouds));
     found.sort();
     found.dedup();
+    // What cannot be read was named.
+    found.retain(|cloud| Some(cloud) != source.points_file.as_ref());
     warn(&found, source);
 }
 
