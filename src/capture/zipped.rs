@@ -1,6 +1,7 @@
 //! Captures in a ZIP archive: unpacked into a temporary folder that exists as long as the capture does.
 
 use super::extensions;
+use super::formats::unread;
 use super::paths::is_of_macos;
 use crate::text::quoted;
 use crate::{Error, Result};
@@ -156,6 +157,7 @@ pub(crate) fn unpack(path: &Path) -> Result<Unpacked> {
         // Photos that are not read are refused with the command that converts them.
         let is_needed = extensions::is_photo(&inside)
             || extensions::is_of(&inside, &EXTENSIONS)
+            || extensions::is_of(&inside, &unread::EXTENSIONS)
             || inside.ends_with(RECORD3D)
             || extensions::is_image(&inside, &head);
         if !is_needed {

@@ -25,6 +25,7 @@ mod record3d;
 mod scannetpp;
 mod transforms;
 mod transforms_lens;
+pub(crate) mod unread;
 mod unused;
 mod xml;
 

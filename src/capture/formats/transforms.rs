@@ -88,15 +88,16 @@ fn find(path: &Path, _: &mut Report) -> Option<Found> {
 }
 
 /// The files of a capture with the side of the split that they state. Blender's `transforms_val` serves
-/// as test set only where there is no other.
+/// as test set only where there is no other. Where there are no training views, these are all that there is.
 fn files_in(root: &Path) -> Vec<(PathBuf, Option<Split>)> {
     let existing = |name: &str| Some(root.join(name)).filter(|p| p.is_file());
     let test = existing("transforms_test.json");
     let train = existing("transforms_train.json").or_else(|| existing("transforms.json"));
+    let test = test.or_else(|| existing("transforms_val.json"));
     let Some(train) = train else {
-        return Vec::new();
+        return test.into_iter().map(|only| (only, None)).collect();
     };
-    match test.or_else(|| existing("transforms_val.json")) {
+    match test {
         Some(test) => vec![(train, Some(Split::Train)), (test, Some(Split::Test))],
         None => vec![(train, None)],
     }
