@@ -140,6 +140,7 @@ fn is_ours(comments: &[String]) -> bool {
 /// Takes the provenance that our writer leaves in comments.
 fn take_provenance(contents: &mut PlyContents) {
     let (mut world, mut up, mut origin) = (None, None, None);
+    let mut refers_to_world = false;
     let is_ours = is_ours(&contents.comments);
     let plain = |text: &str| if is_ours { unescaped(text) } else { text.to_owned() };
     let facts = &mut contents.asset.provenance;
@@ -149,6 +150,8 @@ fn take_provenance(contents: &mut PlyContents) {
         };
         match name {
             "world_from_capture" => world = Some(super::world_from_comment(text)),
+            // Said by the writer where the frame is not the capture's.
+            "frame" if is_ours => refers_to_world = text.contains("see world_from_capture"),
             "origin" if is_ours => origin = Some(super::origin_from_comment(text)),
             "up" => up = PlyUp::ALL.into_iter().find(|up| up.name() == text),
             "up_in_capture" => facts.up = plain(text),
@@ -172,8 +175,8 @@ fn take_provenance(contents: &mut PlyContents) {
     let lost = match world {
         Some(Some(_)) => None,
         Some(None) => Some("holds no transform"),
-        // Without an origin, the frame is that of the capture or of another program.
-        None => origin.map(|_| "is missing"),
+        // Otherwise the frame is that of the capture or of another program.
+        None => (refers_to_world || origin.is_some()).then_some("is missing"),
     };
     let mut world = world.flatten();
     if let Some(how) = lost {

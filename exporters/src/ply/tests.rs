@@ -127,8 +127,13 @@ fn an_origin_is_undone_also_where_the_frame_was_lost() {
         assert!(read.lost_frame.unwrap().contains("the splats stay where the file has them"));
         assert!(first(&read.asset).iter().all(|v| v.abs() < 1e3));
     }
-    // Negative controls: neither comment, and an origin that another program wrote.
-    assert_eq!(decode(&with_comment(&lost, "origin", None)).unwrap().lost_frame, None);
+    let bare = with_comment(&lost, "origin", None);
+    assert!(
+        decode(&bare).unwrap().lost_frame.unwrap().contains("the splats stay"),
+        "the frame is said to be another"
+    );
+    // Negative controls: a frame like the capture's, and comments of another program.
+    assert_eq!(decode(&with_comment(&bare, "frame", Some("of the capture"))).unwrap().lost_frame, None);
     let foreign = with_comment(&lost, "written by", Some("another program"));
     assert_eq!(decode(&foreign).unwrap().lost_frame, None);
 }
