@@ -70,6 +70,10 @@ run_image() {
     for name in http_proxy https_proxy no_proxy RUSTUP_DIST_SERVER RUSTUP_UPDATE_ROOT; do
         [[ -z ${!name:-} ]] || variables+=("$name=${!name}")
     done
+    # As Docker does; rustup needs it.
+    mountpoint -q "$folder/proc" || mount -t proc proc "$folder/proc"
+    # shellcheck disable=SC2064
+    trap "umount '$(realpath "$folder")/proc'" EXIT
     while read -r line; do
         number=$((number + 1))
         ((number <= ${LINES:-99})) || break

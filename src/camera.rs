@@ -5,6 +5,7 @@
 
 mod level;
 pub mod orbit;
+mod symmetric;
 pub mod up;
 #[cfg(test)]
 mod up_tests;

@@ -111,6 +111,21 @@ fn eval_writes_the_worst_view_as_its_extension_says_and_names_what_it_expects() 
 }
 
 #[test]
+fn eval_compares_with_photos_of_the_size_that_is_asked_for() {
+    let dir = tempdir().unwrap();
+    sample(dir.path(), &["--views", "9"]);
+    train(dir.path(), "run", &["--steps", "20", "--max-resolution", "32"]);
+    let figures = |more: &[&str]| -> Value {
+        let text = ok(dir.path(), &[&["eval", "run", "--json", "--device", "cpu", "-q"], more].concat());
+        serde_json::from_str(&text).unwrap()
+    };
+    let [own, full] = [figures(&[]), figures(&["--max-resolution", "64"])];
+    let size = |json: &Value| [json["width_px"].as_u64().unwrap(), json["height_px"].as_u64().unwrap()];
+    assert_eq!([size(&own), size(&full)], [[32, 24], [64, 48]]);
+    assert_ne!(own["quality"]["psnr"], full["quality"]["psnr"]);
+}
+
+#[test]
 fn photos_without_poses_and_videos_are_refused_with_what_to_do() {
     let dir = tempdir().unwrap();
     for name in ["a.HEIC", "clip.mp4", "videos/b.mov"] {

@@ -60,19 +60,30 @@ pub(crate) struct PhotosOnDisk {
     pub posed: usize,
 }
 
+impl PhotosOnDisk {
+    /// Number of photos without a pose.
+    pub fn without_pose(&self) -> usize {
+        self.present.saturating_sub(self.posed)
+    }
+
+    /// Warns of these.
+    pub fn warn(&self, report: &mut Report) {
+        let missing = self.without_pose();
+        if missing > 0 {
+            let what = format!("{missing} of {} photos have no pose and are not used", self.present);
+            report.warn("photos-not-registered", missing, what);
+        }
+    }
+}
+
 /// Measures a sparse reconstruction and warns of what looks wrong; `extent` is that of the capture, in its
-/// units.
-pub(crate) fn check(
-    source: &Source,
-    extent: f64,
-    photos: &PhotosOnDisk,
-    report: &mut Report,
-) -> SparseHealth {
+/// units, `num_photos` the number of photos in the photo folder.
+pub(crate) fn check(source: &Source, extent: f64, num_photos: usize, report: &mut Report) -> SparseHealth {
     let counts: Vec<usize> = source.views.iter().map(|v| v.observed.len()).collect();
     let (behind, at_zero) = misplaced(source);
     let health = SparseHealth {
         registered: source.views.len(),
-        present: photos.present,
+        present: num_photos,
         points: source.points.len(),
         observations: counts.iter().sum(),
         min_observations_per_view: counts.iter().copied().min().unwrap_or(0),
@@ -84,11 +95,6 @@ pub(crate) fn check(
         observations_at_zero_depth: at_zero,
         mean_reprojection_error_px: source.reprojection_error_px,
     };
-    let missing = photos.present.saturating_sub(photos.posed);
-    if missing > 0 {
-        let what = format!("{missing} of {} photos have no pose and are not used", photos.present);
-        report.warn("photos-not-registered", missing, what);
-    }
     warn(source, &health, extent, report);
     health
 }

@@ -74,7 +74,7 @@ impl LeftOut {
     /// [`crate::Error::InvalidInput`] if they are more than a tenth of all.
     pub fn finish(self, path: &Path, noun: &str, total: usize, report: &mut Report) -> Result<()> {
         let count = self.count();
-        if count * ONE_IN > total {
+        if is_too_many(count, total) {
             return Err(invalid!(
                 path,
                 "{count} of {total} {noun} are broken, and no more than one in {ONE_IN} may be left out: {}; \
@@ -93,6 +93,11 @@ impl LeftOut {
         }
         Ok(())
     }
+}
+
+/// Whether so large a share of all can be no slip.
+pub(crate) fn is_too_many(count: usize, total: usize) -> bool {
+    count * ONE_IN > total
 }
 
 fn is_place(point: &SfmPoint) -> bool {

@@ -11,10 +11,9 @@ use super::store::ImageStore;
 use super::zipped::Unpacked;
 use super::{
     advice, elsewhere, far, formats, frame, health, left_out, overlap, photo_files, plausible, recipes,
-    split, undistortion, zipped,
+    repeated, split, undistortion, unposed, zipped,
 };
 use crate::camera::up;
-use crate::text::quoted;
 use crate::views::Split;
 use crate::{Error, Report, Result};
 use litetex_exporters::unknown_kind;
@@ -72,6 +71,9 @@ fn load_folder(path: &Path, options: &LoadOptions, archive: Option<&Unpacked>) -
     let (format, found) = find_poses(path, options, archive.is_some(), &mut report)?;
     let folder = CaptureFolder::new(&found.root, options.images.as_deref(), archive.is_some())?;
     let mut source = (found.read)(&folder)?;
+    if source.points.is_empty() && source.broken_points.is_empty() {
+        formats::points_beside::name(&folder.root, &mut source);
+    }
     report.merge(std::mem::take(&mut source.report));
     if source.num_posed() == 0 {
         return Err(Error::invalid(
@@ -80,22 +82,23 @@ fn load_folder(path: &Path, options: &LoadOptions, archive: Option<&Unpacked>) -
         ));
     }
     left_out::points(&mut source, &mut report)?;
+    repeated::leave_out(&mut source, &mut report)?;
     if !options.keep_far {
         far::leave_out(&mut source, &mut report);
     }
     let capture_from_local = frame::capture_from_local(&source, &mut report);
     let near = frame::near(&source, capture_from_local.scale);
     photo_files::settle(&mut source, &mut report);
-    sort_by_name(&mut source)?;
+    sort_by_name(&mut source);
     let photos = photo_files::photo_folder(&folder, &source)?;
-    let health = match format.entry().has_observations {
-        true => {
-            let posed = photo_files::count_posed(&photos, &source)?;
-            let seen = PhotosOnDisk { present: photos.count(), posed };
-            Some(health::check(&source, capture_from_local.scale, &seen, &mut report))
-        }
-        false => None,
+    let has_observations = format.entry().has_observations;
+    let on_disk = match has_observations {
+        true => PhotosOnDisk { present: photos.count(), posed: photo_files::count_posed(&photos, &source)? },
+        false => unposed::count(&source),
     };
+    on_disk.warn(&mut report);
+    let health = has_observations
+        .then(|| health::check(&source, capture_from_local.scale, on_disk.present, &mut report));
     photo_files::find_photos(&mut source, &photos, &mut report)?;
     let masks = photo_files::find_masks(&folder, &mut source, options, &mut report)?;
     photo_files::warn_of_files_outside(&folder.root, &source, &[Some(photos), masks], &mut report);
@@ -118,6 +121,9 @@ fn load_folder(path: &Path, options: &LoadOptions, archive: Option<&Unpacked>) -
     if let Some(disagreement) = up.disagreement() {
         report.warn("up-not-as-stated", 1, disagreement);
     }
+    if let Some(uncertainty) = up.uncertainty() {
+        report.warn("up-uncertain", 1, uncertainty);
+    }
     Ok(Capture {
         name: name_of(&folder.root),
         format,
@@ -129,6 +135,7 @@ fn load_folder(path: &Path, options: &LoadOptions, archive: Option<&Unpacked>) -
         metric: source.metric,
         near,
         health,
+        photos_without_pose: on_disk.without_pose(),
         split_by,
         undistortion,
         report,
@@ -154,6 +161,31 @@ fn name_of(root: &Path) -> String {
     resolved.file_name().map_or_else(|| "capture".to_owned(), |n| n.to_string_lossy().into_owned())
 }
 
+/// Levels of folders around a pose file in which its capture may begin: of `sparse/0/cameras.bin` the third.
+const AROUND: usize = 3;
+
+/// The capture around the pose file that the user named.
+fn find_around(
+    file: &Path,
+    wanted: &dyn Fn(&CaptureFormat) -> bool,
+    report: &mut Report,
+) -> Option<(CaptureFormat, Found)> {
+    let file = Some(file).filter(|file| file.is_file())?.canonicalize().ok()?;
+    let folders: Vec<&Path> = file.ancestors().skip(1).take(AROUND).collect();
+    for folder in folders.into_iter().rev() {
+        for format in CaptureFormat::all().filter(wanted) {
+            let mut said = Report::default();
+            if let Some(found) = (format.entry().find)(folder, &mut said)
+                && found.files.iter().any(|pose_file| pose_file.canonicalize().is_ok_and(|p| p == file))
+            {
+                report.merge(said);
+                return Some((format, found));
+            }
+        }
+    }
+    None
+}
+
 /// The poses in the first format that is there, or in the one requested.
 fn find_poses(
     path: &Path,
@@ -162,6 +194,9 @@ fn find_poses(
     report: &mut Report,
 ) -> Result<(CaptureFormat, Found)> {
     let wanted = |format: &CaptureFormat| options.format.is_none_or(|f| f == *format);
+    if let Some(found) = find_around(path, &wanted, report) {
+        return Ok(found);
+    }
     for format in CaptureFormat::all().filter(wanted) {
         if let Some(found) = (format.entry().find)(path, report) {
             return Ok((format, found));
@@ -202,23 +237,8 @@ fn find_poses(
 }
 
 /// Sorts the views; a view that occurs on both sides of the split is held out.
-fn sort_by_name(source: &mut Source) -> Result<()> {
+fn sort_by_name(source: &mut Source) {
     let is_test = |v: &SourceView| v.split == Some(Split::Test);
     source.views.sort_by(|a, b| a.name.cmp(&b.name).then(is_test(b).cmp(&is_test(a))));
-    let mut twice = None;
-    source.views.dedup_by(|later, first| {
-        let same = later.name == first.name;
-        if same && later.split == first.split {
-            twice = Some(first.name.clone());
-        }
-        same
-    });
-    match twice {
-        Some(name) => Err(invalid!(
-            &source.path,
-            "the photo {} occurs twice; expected one pose for each photo",
-            quoted(&name)
-        )),
-        None => Ok(()),
-    }
+    source.views.dedup_by(|later, first| later.name == first.name);
 }

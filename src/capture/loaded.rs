@@ -48,6 +48,8 @@ pub struct Capture {
     pub near: f32,
     /// How plausible the sparse reconstruction looks, where there is one.
     pub health: Option<SparseHealth>,
+    /// Photos without a pose in the folders of its photos.
+    pub photos_without_pose: usize,
     /// What decided the split, for people: a list, files of the capture or `--test-every`.
     pub split_by: String,
     /// What undistortion keeps of the photos; `None` if no lens is distorted.

@@ -3,6 +3,8 @@
 
 mod advice;
 #[cfg(test)]
+mod beside_tests;
+#[cfg(test)]
 mod broken_lines_tests;
 mod check;
 mod claims;
@@ -36,6 +38,9 @@ mod pixel;
 mod plausible;
 mod pose_format;
 mod recipes;
+mod repeated;
+#[cfg(test)]
+mod repeated_tests;
 mod source;
 mod split;
 mod store;
@@ -44,6 +49,7 @@ mod strangers_tests;
 #[cfg(test)]
 mod tests;
 mod undistortion;
+mod unposed;
 mod verdict;
 mod warp;
 #[cfg(test)]

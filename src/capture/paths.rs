@@ -36,6 +36,17 @@ pub(crate) fn without_extension(name: &str) -> &str {
     }
 }
 
+/// The folders that all of these paths with slashes begin with, with the slash at their end.
+pub(crate) fn common_folder<'a>(paths: impl IntoIterator<Item = &'a str>) -> &'a str {
+    let folder = |path: &'a str, end: usize| path[..end].rfind('/').map_or("", |at| &path[..=at]);
+    let mut paths = paths.into_iter();
+    let first = paths.next().unwrap_or_default();
+    paths.fold(folder(first, first.len()), |common, path| {
+        let num_same = common.bytes().zip(path.bytes()).take_while(|(a, b)| a == b).count();
+        if num_same == common.len() { common } else { folder(common, common.floor_char_boundary(num_same)) }
+    })
+}
+
 /// Whether something lies at a path that is to be read as a photo. Devices and pipes count: whoever opens the photo
 /// refuses them by name, where a view without photo would only be left out.
 pub(crate) fn is_there(path: &Path) -> bool {
@@ -75,6 +86,22 @@ pub(crate) fn is_inside(folder: &Path, path: &Path) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn common_folders_end_at_a_slash() {
+        for (paths, expected) in [
+            (&["a/b/c.png", "a/b/d.png"][..], "a/b/"),
+            (&["a/b1/c.png", "a/b2/c.png"], "a/"),
+            (&["a/b/c.png", "a/b"], "a/"),
+            (&["a/\u{e4}/c", "a/\u{e5}/c"], "a/"),
+            (&["a/b.png"], "a/"),
+            (&["a/b.png", "c/b.png"], ""),
+            (&["a.png", "a.png"], ""),
+            (&[], ""),
+        ] {
+            assert_eq!(common_folder(paths.iter().copied()), expected, "{paths:?}");
+        }
+    }
 
     #[test]
     fn containment_is_decided_by_the_normalised_path() {

@@ -1,5 +1,6 @@
 //! The photos and masks of the views of a capture: which file belongs to which, and which views have none.
 
+use super::advice::shell_word;
 use super::claims;
 use super::folder::CaptureFolder;
 use super::options::LoadOptions;
@@ -27,10 +28,16 @@ pub(super) fn photo_folder(folder: &CaptureFolder, source: &Source) -> Result<Ph
         }
     }
     let missing = source.unused.iter().find(|v| v.why == Why::NoPhoto);
+    // Photos beside the folder of the poses, as many projects keep them.
+    let around = folder.root.canonicalize().ok().and_then(|root| Some(root.parent()?.join("images")));
+    let named = match around.filter(|images| images.is_dir()) {
+        Some(images) => format!("name the folder with --images {}", shell_word(&images)),
+        None => "name the folder with --images".to_owned(),
+    };
     let example = source.views.first().map(|v| &v.name).or(missing.map(|v| &v.name));
     Err(invalid!(
         images,
-        "no folder of photos; expected photos such as {} there: name the folder with --images",
+        "no folder of photos; expected photos such as {} there: {named}",
         quoted(example.map_or("0001.jpg", String::as_str))
     ))
 }

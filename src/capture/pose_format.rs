@@ -24,8 +24,17 @@ pub(crate) struct PoseFormat {
 pub(crate) struct Found {
     /// The capture's folder, which the paths in the files are relative to.
     pub root: PathBuf,
+    /// Files of the poses which lead to the capture around them when the user names one.
+    pub files: Vec<PathBuf>,
     /// Reads them.
     pub read: Reader,
+}
+
+impl Found {
+    /// Poses of a format that finds its capture itself from the very file.
+    pub fn new(root: &Path, read: Reader) -> Self {
+        Self { root: root.to_owned(), files: Vec::new(), read }
+    }
 }
 
 /// Reads the poses that were found; what else they name is looked up in the folder.

@@ -54,6 +54,8 @@ pub(crate) enum Why {
     Apart,
     /// On neither side of a split that lists both.
     Unlisted,
+    /// Of a second set of test views.
+    Validation,
     Far,
 }
 
@@ -68,6 +70,7 @@ impl Why {
             Self::Bad => "marked as bad by the author",
             Self::Apart => "not aligned with the others",
             Self::Unlisted => "on no side of the split",
+            Self::Validation => "of transforms_val.json beside transforms_test.json",
             Self::Far => "far from all others",
         }
     }

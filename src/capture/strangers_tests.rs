@@ -147,7 +147,7 @@ fn broken_points_are_left_out_up_to_a_tenth() {
 }
 
 /// A capture of `transforms.json` with 12 frames, its text as `change` leaves it.
-fn transforms(change: impl Fn(serde_json::Value) -> String) -> TempDir {
+pub(super) fn transforms(change: impl Fn(serde_json::Value) -> String) -> TempDir {
     let folder = tempdir().unwrap();
     let scene = Scene::ring(12);
     scene.write_photos(&folder.path().join("images"), (12, 8));
@@ -307,7 +307,7 @@ fn views_that_are_left_out_do_not_count_as_photos_without_a_pose() {
 const CSV_HEADER: &str = "#cameras 12\n#name,x,y,alt,heading,pitch,roll,f,px,py,k1,k2,k3,k4,t1,t2\n";
 
 /// A capture of RealityCapture's CSV with 12 rows, one of them changed.
-fn csv(change: impl Fn(String) -> String) -> TempDir {
+pub(super) fn csv(change: impl Fn(String) -> String) -> TempDir {
     let folder = tempdir().unwrap();
     let scene = Scene::ring(12);
     scene.write_photos(&folder.path().join("images"), (12, 8));

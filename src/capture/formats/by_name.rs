@@ -1,40 +1,109 @@
 //! Frames by the names that lists give them.
 
-use crate::capture::paths::{plain, without_extension};
+use crate::capture::paths::{common_folder, plain, without_extension};
 use std::collections::HashMap;
 
-/// Frames by all names that a list may call them: the stored path and its ends, with and without extension.
+/// Folders of a long path that a list may name or leave out: all ends of one take memory of the square of its length.
+const ENDS_MAX: usize = 8;
+
+/// Frames by the names that lists may give them.
 pub(super) struct ByName {
-    frames: HashMap<String, Vec<usize>>,
+    /// By their stored paths and ends of these: lists may leave out folders.
+    ends: Index,
+    /// By their paths in the folder that all share: lists may name other folders above it, as those of another computer or
+    /// of scaled photos.
+    inner: Index,
+}
+
+/// Frames by paths, with and without extension.
+#[derive(Default)]
+struct Index(HashMap<String, Vec<usize>>);
+
+impl Index {
+    fn insert(&mut self, path: &str, index: usize) {
+        for key in [path, without_extension(path)] {
+            let known = self.0.entry(key.to_owned()).or_default();
+            if known.last() != Some(&index) {
+                known.push(index);
+            }
+        }
+    }
+
+    /// The extension tells frames apart only where it must.
+    fn find(&self, path: &str) -> Option<&[usize]> {
+        [path, without_extension(path)].into_iter().find_map(|key| self.0.get(key)).map(Vec::as_slice)
+    }
 }
 
 impl ByName {
     pub(super) fn new(paths: &[&str]) -> Self {
-        let mut frames = HashMap::<String, Vec<usize>>::new();
+        let paths: Vec<String> = paths.iter().map(|path| plain(path)).collect();
+        let shared = common_folder(paths.iter().map(String::as_str)).len();
+        let (mut by_end, mut inner) = (Index::default(), Index::default());
         for (index, path) in paths.iter().enumerate() {
-            for key in keys(path) {
-                let known = frames.entry(key).or_default();
-                if known.last() != Some(&index) {
-                    known.push(index);
-                }
-            }
+            ends(path).for_each(|end| by_end.insert(end, index));
+            inner.insert(&path[shared..], index);
         }
-        Self { frames }
+        Self { ends: by_end, inner }
     }
 
-    /// The frames that a listed name means: the longest end of it that a frame has too. The extension tells frames apart
-    /// only where it must.
+    /// The frames that a listed name means: those whose path ends with it, or else those with whose path, in the folder that
+    /// all share, it ends. Several have one end where the list leaves out the folders that tell them apart.
     pub(super) fn find(&self, listed: &str) -> &[usize] {
-        keys(listed).iter().find_map(|key| self.frames.get(key)).map_or(&[], Vec::as_slice)
+        let listed = plain(listed);
+        if listed.is_empty() {
+            return &[];
+        }
+        let found = self.ends.find(&listed).or_else(|| ends(&listed).find_map(|end| self.inner.find(end)));
+        found.unwrap_or_default()
     }
 }
 
-/// A path and its ends (`a/b/c.png`, `b/c.png`, `c.png`), longest first, each followed by itself without extension.
-fn keys(path: &str) -> Vec<String> {
-    let path = plain(path);
-    let starts = std::iter::once(0).chain(path.match_indices('/').map(|(at, _)| at + 1));
-    starts
-        .flat_map(|start| [path[start..].to_owned(), without_extension(&path[start..]).to_owned()])
-        .filter(|key| !key.is_empty())
-        .collect()
+/// A path and its ends (`a/b/c.png`, `b/c.png`, `c.png`), longest first; of a long path, the whole and the shortest ends.
+fn ends(path: &str) -> impl Iterator<Item = &str> {
+    let mut ends: Vec<&str> =
+        path.rmatch_indices('/').take(ENDS_MAX).map(|(at, _)| &path[at + 1..]).collect();
+    ends.push(path);
+    ends.into_iter().rev().filter(|end| !end.is_empty())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn found(frames: &[&str], listed: &str) -> Vec<usize> {
+        ByName::new(frames).find(listed).to_vec()
+    }
+
+    #[test]
+    fn folders_that_tell_frames_apart_must_agree() {
+        let rig = ["images/left/1.png", "images/right/1.png", "images/left/2.png"];
+        for (listed, frames) in [
+            ("images/left/1.png", &[0][..]),
+            ("right/1", &[1]),
+            ("/home/me/photos_4/right/1.jpg", &[1]),
+            ("1.png", &[0, 1]),
+            ("2.png", &[2]),
+            ("middle/1.png", &[]),
+            ("images/middle/1.png", &[]),
+            ("middle/2.png", &[]),
+            ("", &[]),
+            ("/", &[]),
+        ] {
+            assert_eq!(found(&rig, listed), frames, "{listed}");
+        }
+        assert_eq!(found(&["images/2.png", "images/3.png"], "images_4/2.png"), [0], "of one folder");
+    }
+
+    #[test]
+    fn memory_grows_with_the_length_of_paths_and_not_with_its_square() {
+        let long = "a/".repeat(20_000) + "x.png";
+        assert_eq!(ends(&long).count(), ENDS_MAX + 1);
+        let by_name = ByName::new(&[&long, "images/y.png"]);
+        let stored: usize = by_name.ends.0.keys().chain(by_name.inner.0.keys()).map(String::len).sum();
+        assert!(stored < 5 * long.len(), "{stored} bytes");
+        assert_eq!((by_name.find(&long), by_name.find("x")), (&[0][..], &[0][..]));
+        assert_eq!(by_name.find("a/a/x.png"), [0]);
+        assert!(by_name.find(&long.replace('x', "z")).is_empty(), "negative control");
+    }
 }

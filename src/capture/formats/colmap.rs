@@ -3,11 +3,11 @@
 
 use super::colmap_lens::lens;
 use super::colmap_model::{ColmapImage, ColmapSparse, Parts};
-use super::{colmap_bin, colmap_txt};
+use super::{colmap_bin, colmap_txt, points_beside};
 use crate::capture::left_out::LeftOut;
 use crate::capture::lens::Lens;
-use crate::capture::source::{Source, SourceView, checked_pose, first_names};
-use crate::text::quoted;
+use crate::capture::source::{Source, SourceView, checked_pose, first_names, first_of};
+use crate::text::{counted, quoted};
 use crate::views::SfmPoint;
 use crate::{Report, Result};
 use glam::{DMat3, DQuat, DVec3};
@@ -29,7 +29,7 @@ fn read_sparse(folder: &Path, report: &mut Report) -> Result<ColmapSparse> {
     let images = required("images")?;
     let points = part(folder, "points3D");
     if points.is_none() {
-        let what = format!("{}: no points3D file: the capture has no points", folder.display());
+        let what = format!("{}: neither points3D.bin nor points3D.txt here", folder.display());
         report.warn("no-points-file", 1, what);
     }
     let cameras_file = cameras;
@@ -66,7 +66,8 @@ fn used_cameras(sparse: &ColmapSparse) -> HashSet<u32> {
 pub(super) fn read(folder: &Path) -> Result<Source> {
     let mut report = Report::default();
     let sparse = read_sparse(folder, &mut report)?;
-    let lenses = lenses(folder, &sparse, &mut report)?;
+    let lenses = lenses(folder, &sparse, &mut report);
+    warn_of_ids(folder, &sparse.images.good, &mut report);
     let points = &sparse.points.good;
     let point_index: HashMap<u64, u32> =
         points.iter().enumerate().map(|(index, p)| (p.id, index as u32)).collect();
@@ -81,8 +82,11 @@ pub(super) fn read(folder: &Path) -> Result<Source> {
             }
         }
     }
-    let mut source = Source::at(folder);
-    std::mem::swap(&mut source.report, &mut report);
+    let mut source = Source { report: std::mem::take(&mut report), ..Source::at(folder) };
+    if part(folder, "points3D").is_none() {
+        // As the converters for Gaussian splats write the points of the model.
+        points_beside::read(folder, &["points3d"], &mut source);
+    }
     for image in &sparse.images.broken {
         let name = image.name.as_deref().unwrap_or_default().replace('\\', "/");
         left_out.push_view(image.element("image"), &name, image.problem());
@@ -91,25 +95,19 @@ pub(super) fn read(folder: &Path) -> Result<Source> {
     for point in &sparse.points.broken {
         source.broken_points.push((point.element("point"), point.problem()));
     }
-    std::mem::swap(&mut source.report, &mut report);
     if lost > 0 && !points.is_empty() {
         let what =
             format!("{}: {lost} observations refer to points that are not in the model", folder.display());
-        report.warn("observations-without-point", lost, what);
+        source.report.warn("observations-without-point", lost, what);
     }
     let errors = points.iter().map(|p| p.error_px);
     let (sum, count) =
         errors.filter(|e| e.is_finite() && *e >= 0.0).fold((0.0, 0_u32), |(s, n), e| (s + e, n + 1));
-    Ok(Source {
-        views,
-        points: points
-            .iter()
-            .map(|p| SfmPoint { position_in_capture: DVec3::from_array(p.position), rgb: p.rgb })
-            .collect(),
-        reprojection_error_px: (count > 0).then(|| sum / f64::from(count)),
-        report,
-        ..source
-    })
+    let of_model = points.iter();
+    source.points.extend(
+        of_model.map(|p| SfmPoint { position_in_capture: DVec3::from_array(p.position), rgb: p.rgb }),
+    );
+    Ok(Source { views, reprojection_error_px: (count > 0).then(|| sum / f64::from(count)), ..source })
 }
 
 /// The lenses by the ids of their cameras, or what is wrong with them.
@@ -120,20 +118,39 @@ struct Lenses {
 }
 
 /// The lenses of all cameras; warns of broken ones that no image uses.
-fn lenses(folder: &Path, sparse: &ColmapSparse, report: &mut Report) -> Result<Lenses> {
+fn lenses(folder: &Path, sparse: &ColmapSparse, report: &mut Report) -> Lenses {
     let used = used_cameras(sparse);
     let (mut by_id, mut unused, mut nameless) = (HashMap::new(), LeftOut::default(), None);
+    let (mut first_of_id, mut repeated) = (HashMap::new(), Vec::new());
     for camera in &sparse.cameras.good {
         let name = format!("camera {} ({})", camera.id, camera.model_name());
         let lens = lens(camera);
+        if let Some(first) = first_of_id.insert(camera.id, camera) {
+            if first == camera {
+                repeated.push(name);
+            } else {
+                by_id.insert(
+                    camera.id,
+                    Err(format!("camera {} occurs twice, with other parameters", camera.id)),
+                );
+            }
+            continue;
+        }
         if let Err(problem) = &lens
             && !used.contains(&camera.id)
         {
             unused.push(name.clone(), problem);
         }
-        if by_id.insert(camera.id, lens.map_err(|problem| format!("{name}: {problem}"))).is_some() {
-            return Err(invalid!(folder, "camera {} occurs twice", camera.id));
-        }
+        by_id.insert(camera.id, lens.map_err(|problem| format!("{name}: {problem}")));
+    }
+    if !repeated.is_empty() {
+        let what = format!(
+            "{}: {} that repeat another word for word: {}",
+            folder.display(),
+            counted(repeated.len(), "camera line"),
+            first_of(repeated.iter().cloned())
+        );
+        report.warn("cameras-repeated", repeated.len(), what);
     }
     for camera in &sparse.cameras.broken {
         let (element, problem) = (camera.element("camera"), camera.problem());
@@ -159,7 +176,27 @@ fn lenses(folder: &Path, sparse: &ColmapSparse, report: &mut Report) -> Result<L
         );
         report.warn("cameras-left-out", unused.count(), what);
     }
-    Ok(Lenses { by_id, nameless })
+    Lenses { by_id, nameless }
+}
+
+/// Warns of images with the id of another, which COLMAP never writes. Nothing here depends on their ids.
+fn warn_of_ids(folder: &Path, images: &[ColmapImage], report: &mut Report) {
+    let mut name_of = HashMap::new();
+    let mut again = Vec::new();
+    for image in images {
+        if *name_of.entry(image.id).or_insert(&image.name) != &image.name {
+            again.push(image);
+        }
+    }
+    if !again.is_empty() {
+        let what = format!(
+            "{}: {} with the id of another; all are used: {}",
+            folder.display(),
+            counted(again.len(), "image"),
+            first_of(again.iter().map(|image| format!("{} ({})", quoted(&image.name), image.id)))
+        );
+        report.warn("image-ids-repeated", again.len(), what);
+    }
 }
 
 /// The view of an image, or what is wrong with it.

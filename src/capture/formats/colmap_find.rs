@@ -19,7 +19,8 @@ pub(crate) const FORMAT: PoseFormat = PoseFormat {
 
 fn find(path: &Path, report: &mut Report) -> Option<Found> {
     let model = find_model(path, report)?;
-    Some(Found { root: capture_root(path), read: Box::new(move |_| read(&model)) })
+    let files = parts(&model);
+    Some(Found { files, ..Found::new(&capture_root(path), Box::new(move |_| read(&model))) })
 }
 
 /// The model that the converter of 3D Gaussian splatting starts from.
@@ -52,6 +53,7 @@ pub(crate) fn find_elsewhere(path: &Path, report: &mut Report) -> Option<Found> 
     let root = if beside.join("images").is_dir() { beside } else { path.to_owned() };
     Some(Found {
         root,
+        files: parts(&model),
         // Only the capture's own folder says so: the path to it may hold any name.
         read: Box::new(move |folder| match place == DISTORTED {
             true => read(&model).map(|source| with_originals(source, folder)),
@@ -90,6 +92,11 @@ fn capture_root(path: &Path) -> PathBuf {
         return root.to_owned();
     }
     path.to_owned()
+}
+
+/// The files of a model.
+fn parts(model: &Path) -> Vec<PathBuf> {
+    ["cameras", "images", "points3D"].into_iter().filter_map(|stem| part(model, stem)).collect()
 }
 
 /// Whether a folder holds a sparse model.

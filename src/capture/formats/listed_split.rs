@@ -141,13 +141,16 @@ impl ListedSplit {
     pub(super) fn sides(&self, frames: &[&str], report: &mut Report) -> Result<Vec<Option<Split>>> {
         let by_name = ByName::new(frames);
         let mut sides = vec![None; frames.len()];
-        let mut unknown = Vec::new();
+        let (mut unknown, mut of_several) = (Vec::new(), Vec::new());
         for list in &self.lists {
             let before = unknown.len();
             for name in &list.names {
                 let found = by_name.find(name);
                 if found.is_empty() {
                     unknown.push(name.as_str());
+                }
+                if found.iter().any(|&frame| frames[frame] != frames[found[0]]) {
+                    of_several.push(name.as_str());
                 }
                 for &frame in found {
                     if sides[frame] != Some(Split::Test) {
@@ -159,7 +162,7 @@ impl ListedSplit {
                 return Err(invalid!(
                     &self.path,
                     "{} lists {}, and no frame is named so: {}; expected names such as {}, with or without folder and \
-                     extension: correct the list, or name the views to hold out with --test-list",
+                     extension: correct the list, or remove it and name the views to hold out with --test-list",
                     list.key,
                     counted(list.names.len(), "name"),
                     first_names(list.names.iter().map(String::as_str)),
@@ -175,6 +178,15 @@ impl ListedSplit {
                 first_names(unknown.iter().copied())
             );
             report.warn("split-names-unknown", unknown.len(), what);
+        }
+        if !of_several.is_empty() {
+            let what = format!(
+                "{} of the split in {} fit several frames each, and stand for all of them: {}; list them with their folders",
+                counted(of_several.len(), "name"),
+                text::path(&self.path),
+                first_names(of_several.iter().copied())
+            );
+            report.warn("split-names-of-several", of_several.len(), what);
         }
         // With one side listed, the other frames are on the other side.
         let lists_side = |side| self.lists.iter().any(|list| list.side == side);
@@ -259,5 +271,21 @@ mod tests {
         ]);
         assert_eq!(lists.sides(&["a", "b"], &mut report).unwrap(), [Some(Split::Test), Some(Split::Train)]);
         assert!(report.warnings[0].message.contains("\"x\"") && report.warnings[0].count == 1);
+    }
+
+    #[test]
+    fn names_without_the_folder_that_tells_frames_apart_are_said() {
+        let frames = ["images/left/1.png", "images/right/1.png", "images/right/2.png"];
+        let lists = |name| {
+            listed([("train", Split::Train, &[]), ("val", Split::Test, &[]), ("test", Split::Test, &[name])])
+        };
+        let mut report = Report::default();
+        let sides = lists("1.png").sides(&frames, &mut report).unwrap();
+        assert_eq!(sides, [Some(Split::Test), Some(Split::Test), Some(Split::Train)]);
+        assert_eq!((&*report.warnings[0].code, report.warnings[0].count), ("split-names-of-several", 1));
+        let mut report = Report::default();
+        assert!(lists("right/1").sides(&frames, &mut report).is_ok() && report.warnings.is_empty());
+        let error = lists("images/middle/1.png").sides(&frames, &mut report).unwrap_err();
+        assert!(error.exit_code() == 3 && error.to_string().contains("\"images/middle/1.png\""), "{error}");
     }
 }

@@ -54,7 +54,7 @@ fn find(path: &Path, _: &mut Report) -> Option<Found> {
         false => (path, files(path, "xml", 0)),
     };
     let file: PathBuf = candidates.into_iter().find(|p| begins_with_all(p, &["<document", "<chunk"]))?;
-    Some(Found { root: root.to_owned(), read: Box::new(move |folder| read(&file, folder)) })
+    Some(Found::new(root, Box::new(move |folder| read(&file, folder))))
 }
 
 /// A similarity: `in_capture = rotation * scale * in_chunk + translation`.

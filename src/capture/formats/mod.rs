@@ -18,6 +18,7 @@ mod lookup;
 mod metashape;
 mod metashape_lens;
 pub(crate) mod ply;
+pub(crate) mod points_beside;
 mod polycam;
 mod reality_capture;
 mod reality_xmp;

@@ -71,8 +71,10 @@ fn find(path: &Path, _: &mut Report) -> Option<Found> {
             .or_else(|| FOLDERS.iter().find(|(cameras, _)| has_cameras(cameras)));
         complete.map(|(cameras, photos)| (keyframes.clone(), *cameras, *photos))
     })?;
-    let read = move |folder: &CaptureFolder| read(&keyframes.join(cameras), photos, folder);
-    Some(Found { root: path.to_owned(), read: Box::new(read) })
+    let cameras = keyframes.join(cameras);
+    let files = files(&cameras, "json", 0);
+    let read = move |folder: &CaptureFolder| read(&cameras, photos, folder);
+    Some(Found { files, ..Found::new(path, Box::new(read)) })
 }
 
 fn read(cameras: &Path, photos: &str, folder: &CaptureFolder) -> Result<Source> {

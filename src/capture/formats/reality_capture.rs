@@ -4,15 +4,15 @@
 
 use super::axes::from_opengl;
 use super::bytes::read_text;
-use super::{film, ply};
+use super::{film, points_beside};
 use crate::camera::RigidTransform;
 use crate::capture::folder::CaptureFolder;
-use crate::capture::left_out::{LeftOut, checked_points};
+use crate::capture::left_out::LeftOut;
 use crate::capture::lens::{Distortion, Lens};
 use crate::capture::photos::photo_size;
 use crate::capture::pose_format::{Found, PoseFormat};
-use crate::capture::source::{Source, SourceView, Why, first_paths};
-use crate::text::{self, quoted};
+use crate::capture::source::{Source, SourceView, Why};
+use crate::text::quoted;
 use crate::{Report, Result, input_file};
 use glam::{DMat3, DVec3};
 use litetex_exporters::parse_number;
@@ -48,23 +48,27 @@ pub(crate) const FORMAT: PoseFormat = PoseFormat {
 };
 
 fn find(path: &Path, _: &mut Report) -> Option<Found> {
-    let file = find_file(path)?;
-    Some(Found { root: path.to_owned(), read: Box::new(move |folder| read(&file, folder)) })
+    let (root, file) = match path.is_file() {
+        true => (path.parent().unwrap_or(Path::new("")), Some(path).filter(|p| is_export(p))?.to_owned()),
+        false => (path, find_file(path)?),
+    };
+    Some(Found::new(root, Box::new(move |folder| read(&file, folder))))
+}
+
+/// Whether a file is the export.
+fn is_export(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv"))
+        // A count of cameras may stand before the header.
+        && input_file::check(path, u64::MAX).is_ok()
+        && head(path).lines().take(2).any(|line| header(line).is_some())
 }
 
 /// The export in a capture's folder: the first CSV file, by name, with its columns.
 fn find_file(root: &Path) -> Option<PathBuf> {
-    let mut files: Vec<PathBuf> = std::fs::read_dir(root)
-        .into_iter()
-        .flatten()
-        .filter_map(|entry| Some(entry.ok()?.path()))
-        .filter(|p| p.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv")))
-        .collect();
+    let mut files: Vec<PathBuf> =
+        std::fs::read_dir(root).into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path())).collect();
     files.sort();
-    files.into_iter().find(|p| {
-        // A count of cameras may stand before the header.
-        input_file::check(p, u64::MAX).is_ok() && head(p).lines().take(2).any(|l| header(l).is_some())
-    })
+    files.into_iter().find(|p| is_export(p))
 }
 
 /// The beginning of a file: tables of other programs may have any size.
@@ -169,46 +173,8 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
         return Err(invalid!(path, "no header with the columns {}", REQUIRED.join(", ")));
     }
     left_out.finish_views(path, total, &mut source)?;
-    read_points_beside(&folder.root, &mut source);
+    points_beside::read(&folder.root, &POINTS, &mut source);
     Ok(source)
-}
-
-/// Reads the points that were exported beside the CSV, which names none. Other point clouds may be of another project, so
-/// they are only named.
-fn read_points_beside(root: &Path, source: &mut Source) {
-    let mut clouds: Vec<PathBuf> = std::fs::read_dir(root)
-        .into_iter()
-        .flatten()
-        .filter_map(|entry| Some(entry.ok()?.path()))
-        .filter(|p| p.is_file() && p.extension().is_some_and(|e| e.eq_ignore_ascii_case("ply")))
-        .collect();
-    clouds.sort();
-    let is_named =
-        |cloud: &PathBuf, name: &str| cloud.file_stem().is_some_and(|stem| stem.eq_ignore_ascii_case(name));
-    let mut names = POINTS.iter();
-    if let Some(at) = names.find_map(|name| clouds.iter().position(|cloud| is_named(cloud, name))) {
-        let cloud = clouds.remove(at);
-        match ply::read_points(&cloud).and_then(|points| checked_points(&cloud, points)) {
-            Ok(points) => {
-                source.points = points;
-                source.points_file = Some(cloud);
-            }
-            // It may be of another project.
-            Err(error) => {
-                let what = format!("{error}; the capture is read without these points");
-                source.report.warn("points-beside-unreadable", 1, what);
-            }
-        }
-    }
-    if !clouds.is_empty() {
-        let what = format!(
-            "{} point clouds beside {} are not used: {}; \"--init ply:FILE\" starts from the points of one",
-            clouds.len(),
-            text::path(&source.path),
-            first_paths(&clouds)
-        );
-        source.report.warn("points-beside-not-used", clouds.len(), what);
-    }
 }
 
 /// Rotations about z by -heading, then x by pitch, then y by roll lead from the camera (x right, y up,

@@ -45,8 +45,8 @@ const DEPTH: usize = 2;
 fn find(path: &Path, _: &mut Report) -> Option<Found> {
     let is_there = |folder: &Path, depth| files(folder, "xmp", depth).iter().any(|p| is_sidecar(p));
     let found = path.is_dir() && (is_there(path, 0) || is_there(&path.join("images"), DEPTH));
-    let root = path.to_owned();
-    found.then(|| Found { root, read: Box::new(read) })
+    let sidecars = || [files(path, "xmp", 0), files(&path.join("images"), "xmp", DEPTH)].concat();
+    found.then(|| Found { files: sidecars(), ..Found::new(path, Box::new(read)) })
 }
 
 /// Sidecars of other programs have no properties of this one.
@@ -65,7 +65,11 @@ fn read(folder: &CaptureFolder) -> Result<Source> {
         false => (&folder.root, files(&folder.root, "xmp", 0)),
     };
     let mut num_dropped = 0;
-    for path in sidecars.iter().filter(|p| is_sidecar(p)) {
+    for path in &sidecars {
+        // Sidecars of other programs state no pose; one that is broken may be ours.
+        if !is_sidecar(path) && is_whole(path) {
+            continue;
+        }
         let stem = path.with_extension("");
         let stem = stem.strip_prefix(base).unwrap_or(&stem).to_string_lossy().replace('\\', "/");
         let Some(photo) = photos.find(&stem)? else {
@@ -143,6 +147,11 @@ fn camera(path: &Path) -> Result<Result<Option<Camera>, String>> {
         ));
     }
     Ok(of_description(description, is_brown))
+}
+
+/// Whether a file is an XML document.
+fn is_whole(path: &Path) -> bool {
+    xml::read(path).is_ok_and(|text| xml::parse(path, &text).is_ok())
 }
 
 /// Without the name of the file, which the stem of the photo tells.

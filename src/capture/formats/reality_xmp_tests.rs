@@ -145,3 +145,22 @@ fn what_is_not_read_is_named() {
         assert!(text.contains("camera \"a\"") && text.contains(what), "{text}");
     }
 }
+
+#[test]
+fn a_sidecar_that_was_cut_off_leaves_its_view_out_by_name() {
+    let stems = ["a", "b", "c", "d", "e", "f", "g", "h", "i", "j", "k", "l"];
+    let with = |text: &'static str| {
+        source(&written("", &stems.map(|stem| (stem, if stem == "c" { text } else { PORTRAIT })))).unwrap()
+    };
+    // Before the namespace that tells whose it is.
+    for text in [&PORTRAIT[..100], ""] {
+        let source = with(text);
+        assert_eq!((source.views.len(), source.names_unused(Why::Broken)), (11, vec!["c"]));
+        let warning = &source.report.warnings[0];
+        assert_eq!((&*warning.code, warning.count), ("views-left-out", 1));
+        assert!(warning.message.contains("1 of 12 views") && warning.message.contains("camera \"c\""));
+    }
+    let source = with("<x:xmpmeta xmlns:x='adobe:ns:meta/'/>");
+    assert_eq!(source.views.len(), 11);
+    assert!(source.report.warnings.is_empty(), "negative control: of another program");
+}

@@ -54,7 +54,10 @@ fn find(path: &Path, _: &mut Report) -> Option<Found> {
     // Without its photos, a file of this name may be of any program.
     let marks: &[&str] = if has_photos { &["\"poses\""] } else { &["\"poses\"", "\"w\"", "\"h\"", "\"K\""] };
     let found = marks.iter().all(|mark| text.contains(mark));
-    found.then(|| Found { root: path.to_owned(), read: Box::new(move |folder| read(&file, folder)) })
+    found.then(|| {
+        let files = vec![file.clone()];
+        Found { files, ..Found::new(path, Box::new(move |folder| read(&file, folder))) }
+    })
 }
 
 fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {

@@ -61,7 +61,8 @@ fn find(path: &Path, _: &mut Report) -> Option<Found> {
     }
     let root = [path.join("iphone"), path.to_owned()].into_iter().find(|root| root.join(FILE).is_file())?;
     let file = root.join(FILE);
-    Some(Found { root, read: Box::new(move |folder| read(&file, folder)) })
+    let files = vec![file.clone()];
+    Some(Found { files, ..Found::new(&root, Box::new(move |folder| read(&file, folder))) })
 }
 
 fn find_dslr(dslr: &Path) -> Option<Found> {
@@ -70,12 +71,13 @@ fn find_dslr(dslr: &Path) -> Option<Found> {
     if !file.is_file() {
         return None;
     }
+    let files = vec![file.clone()];
     let read = move |folder: &CaptureFolder| {
         let images = folder.images.clone().unwrap_or_else(|| folder.photos(photos));
         let inside = |part: &str| folder.inside(part, images.clone());
         transforms::read_at(&file, &Folders { poses: inside(POSES), masks: inside(masks) })
     };
-    Some(Found { root: dslr.to_owned(), read: Box::new(read) })
+    Some(Found { files, ..Found::new(dslr, Box::new(read)) })
 }
 
 fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {

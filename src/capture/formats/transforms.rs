@@ -11,7 +11,7 @@ use crate::camera::RigidTransform;
 use crate::capture::folder::CaptureFolder;
 use crate::capture::left_out::LeftOut;
 use crate::capture::lens::Distortion;
-use crate::capture::paths::plain;
+use crate::capture::paths::{common_folder, plain};
 use crate::capture::photo_folder::PhotoFolder;
 use crate::capture::pose_format::{Found, PoseFormat};
 use crate::capture::source::{Source, SourceView, UnusedView, Why};
@@ -61,7 +61,7 @@ struct File {
     /// Held out (ScanNet++).
     #[serde(default)]
     test_frames: Option<Vec<Frame>>,
-    ply_file_path: Option<String>,
+    ply_file_path: Option<Value>,
     #[serde(flatten)]
     filenames: Filenames,
 }
@@ -78,40 +78,54 @@ pub(crate) const FORMAT: PoseFormat = PoseFormat {
 fn find(path: &Path, _: &mut Report) -> Option<Found> {
     let is_json = path.is_file() && path.extension().is_some_and(|e| e == "json");
     let (root, files) = match is_json {
-        true => (path.parent().unwrap_or(Path::new("")), vec![(path.to_owned(), None)]),
+        true => (path.parent().unwrap_or(Path::new("")), vec![(path.to_owned(), Side::Unstated)]),
         false => (path, files_in(path)),
     };
     let has_files = !files.is_empty();
     let read =
         move |folder: &CaptureFolder| read(&files, &Folders { poses: folder.clone(), masks: folder.clone() });
-    has_files.then(|| Found { root: root.to_owned(), read: Box::new(read) })
+    has_files.then(|| Found::new(root, Box::new(read)))
 }
 
-/// The files of a capture with the side of the split that they state. Blender's `transforms_val` serves
-/// as test set only where there is no other. Where there are no training views, these are all that there is.
-fn files_in(root: &Path) -> Vec<(PathBuf, Option<Split>)> {
+/// The files of a capture with the side of the split that each states. Blender's `transforms_val` serves as test set only
+/// where there is no other: published figures are those of the test set. Where there are no training views, these are all
+/// that there is.
+fn files_in(root: &Path) -> Vec<(PathBuf, Side)> {
     let existing = |name: &str| Some(root.join(name)).filter(|p| p.is_file());
-    let test = existing("transforms_test.json");
+    let [test, val] = ["transforms_test.json", "transforms_val.json"].map(existing);
     let train = existing("transforms_train.json").or_else(|| existing("transforms.json"));
-    let test = test.or_else(|| existing("transforms_val.json"));
     let Some(train) = train else {
-        return test.into_iter().map(|only| (only, None)).collect();
+        return test.or(val).into_iter().map(|only| (only, Side::Unstated)).collect();
     };
-    match test {
-        Some(test) => vec![(train, Some(Split::Train)), (test, Some(Split::Test))],
-        None => vec![(train, None)],
+    match (test, val) {
+        (Some(test), val) => {
+            let val = val.map(|val| (val, Side::Unused));
+            let both = [(train, Side::Stated(Split::Train)), (test, Side::Stated(Split::Test))];
+            both.into_iter().chain(val).collect()
+        }
+        (None, Some(val)) => vec![(train, Side::Stated(Split::Train)), (val, Side::Stated(Split::Test))],
+        (None, None) => vec![(train, Side::Unstated)],
     }
 }
 
+/// What a file of poses states of its frames by its name.
+#[derive(Clone, Copy, PartialEq)]
+enum Side {
+    Stated(Split),
+    Unstated,
+    /// Views of a second set of test views.
+    Unused,
+}
+
 /// The files of poses with the side of the split that each states.
-type Files = [(PathBuf, Option<Split>)];
+type Files = [(PathBuf, Side)];
 
 /// Reads the poses of a file with photos, masks, points and lists elsewhere.
 ///
 /// # Errors
 /// As all readers of poses.
 pub(super) fn read_at(file: &Path, folders: &Folders) -> Result<Source> {
-    read(&[(file.to_owned(), None)], folders)
+    read(&[(file.to_owned(), Side::Unstated)], folders)
 }
 
 /// Where what a file names lies.
@@ -125,8 +139,12 @@ fn read(files: &Files, folders: &Folders) -> Result<Source> {
     let folder = &folders.poses;
     let mut source = Source::at(files.first().map_or(&folder.root, |f| &f.0));
     source.stated_up = files.first().is_some_and(|f| is_of_blender(&f.0)).then_some(DVec3::Z);
-    for (path, split) in files {
-        read_one(path, *split, folders, &mut source)?;
+    for (path, side) in files {
+        match side {
+            Side::Stated(split) => read_one(path, Some(*split), folders, &mut source)?,
+            Side::Unstated => read_one(path, None, folders, &mut source)?,
+            Side::Unused => leave_out(path, &mut source),
+        }
     }
     let is_brown = |v: &&SourceView| matches!(v.lens.distortion, Distortion::Brown { .. });
     let num_brown = source.views.iter().filter(is_brown).count();
@@ -139,11 +157,26 @@ fn read(files: &Files, folders: &Folders) -> Result<Source> {
         );
         source.report.warn("brown-k4", num_brown, what);
     }
-    if let [_, (held_out, _)] = files {
+    if let [_, (held_out, _), ..] = files {
         source.split_by = Some(quoted(&held_out.file_name().unwrap_or_default().to_string_lossy()));
     }
     strip_common_folder(&mut source);
     Ok(source)
+}
+
+/// Leaves out the frames of a second set of test views.
+fn leave_out(path: &Path, source: &mut Source) {
+    let frames =
+        json::read::<File>(path, "the JSON of Blender").map_or_else(|_| Vec::new(), |file| file.frames);
+    let names: Vec<String> = frames.into_iter().filter_map(|frame| frame.name).collect();
+    let count = names.len();
+    source.unused.extend(names.iter().map(|name| UnusedView::new(plain(name), Why::Validation)));
+    let what = format!(
+        "{}: {} not used, since transforms_test.json has the test views; where it is not there, these are held out",
+        text::path(path),
+        if count == 1 { "1 frame is".to_owned() } else { format!("{count} frames are") }
+    );
+    source.report.warn("validation-views-not-used", count, what);
 }
 
 fn read_one(path: &Path, split: Option<Split>, folders: &Folders, source: &mut Source) -> Result<()> {
@@ -190,15 +223,49 @@ fn read_one(path: &Path, split: Option<Split>, folders: &Folders, source: &mut S
         }
     }
     left_out.finish_views(path, file.frames.len(), source)?;
-    if let Some(ply) = &file.ply_file_path {
-        let ply = folder.file(ply)?;
-        if ply.exists() {
-            source.points.extend(ply::read_points(&ply)?);
+    match &file.ply_file_path {
+        Some(stated) => read_points(path, stated, folder, source),
+        None => Ok(()),
+    }
+}
+
+/// Reads the points that the pose file at `path` names. Without them the capture can be used all the same.
+///
+/// # Errors
+/// If they lie outside an archive.
+fn read_points(path: &Path, stated: &Value, folder: &CaptureFolder, source: &mut Source) -> Result<()> {
+    let Some(stated) = stated.as_str() else {
+        let found = stated.to_string();
+        let what = format!(
+            "{}: ply_file_path holds {}, expected the path of a file",
+            text::path(path),
+            text::shortened(&found, 40)
+        );
+        source.report.warn("points-file-unreadable", 1, what);
+        return Ok(());
+    };
+    if stated.trim().is_empty() {
+        return Ok(());
+    }
+    let ply = folder.file(stated)?;
+    // Blender's files name the same points each.
+    if source.points_file.as_ref() == Some(&ply) {
+        return Ok(());
+    }
+    if !ply.exists() {
+        let what = format!("{}: the points that {} names are not there", text::path(&ply), text::path(path));
+        source.report.warn("points-file-missing", 1, what);
+        return Ok(());
+    }
+    match ply::read_points(&ply) {
+        Ok(points) => {
+            source.points.extend(points);
             source.points_file = Some(ply);
-        } else {
+        }
+        Err(error) => {
             let what =
-                format!("{}: the points that {} names are not there", text::path(&ply), text::path(path));
-            source.report.warn("points-file-missing", 1, what);
+                format!("{error}; the capture is read without the points that {} names", text::path(path));
+            source.report.warn("points-file-unreadable", 1, what);
         }
     }
     Ok(())
@@ -257,17 +324,11 @@ fn name(root: &Path, file_path: &str, photo: &Path) -> String {
 
 /// Makes names relative to the folder that all photos share, as COLMAP's names are.
 fn strip_common_folder(source: &mut Source) {
-    while let Some((folder, _)) = source.views.first().and_then(|v| v.name.split_once('/')) {
-        let prefix = format!("{folder}/");
-        if !source.views.iter().all(|v| v.name.starts_with(&prefix)) {
-            break;
-        }
-        let unused = source.unused.iter_mut().map(|v| &mut v.name);
-        for name in source.views.iter_mut().map(|v| &mut v.name).chain(unused) {
-            if name.starts_with(&prefix) {
-                name.drain(..prefix.len());
-            }
-        }
+    let folder = common_folder(source.views.iter().map(|v| v.name.as_str())).to_owned();
+    source.views.iter_mut().for_each(|v| drop(v.name.drain(..folder.len())));
+    for view in &mut source.unused {
+        let shared = common_folder([folder.as_str(), view.name.as_str()]).len();
+        view.name.drain(..shared);
     }
 }
 

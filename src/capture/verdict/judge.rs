@@ -127,7 +127,7 @@ fn blurred(figures: &Figures) -> Option<Reason> {
 }
 
 fn registered(figures: &Figures) -> Option<Reason> {
-    let photos = figures.photos?;
+    let photos = figures.photos;
     let missing = photos.saturating_sub(figures.views);
     let found = format!("{missing} of {photos} photos have no pose");
     let rating = above(missing as f64 / photos.max(1) as f64, WITHOUT_POSE)?;

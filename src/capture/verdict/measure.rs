@@ -16,8 +16,8 @@ const POINTS_MAX: usize = 1000;
 /// What was measured. Names are those of photos.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Figures {
-    /// Photos in the photo folder, where the poses are those of some of them.
-    pub photos: Option<usize>,
+    /// Views, and photos without a pose in the folders of their photos.
+    pub photos: usize,
     /// Views with a pose.
     pub views: usize,
     /// Those that are trained on.
@@ -73,7 +73,7 @@ pub(super) fn of(capture: &Capture) -> Figures {
         capture.report.warnings.iter().find(|warning| warning.code == code).map_or(0, |warning| warning.count)
     };
     Figures {
-        photos: capture.health.as_ref().map(|health| health.present),
+        photos: num_views + capture.photos_without_pose,
         views: num_views,
         train_views: capture.indices(Split::Train).len(),
         places: geometry.places,

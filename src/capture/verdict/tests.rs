@@ -10,7 +10,7 @@ const SIDE: usize = 192;
 /// Figures of a capture that nothing is wrong with.
 fn good() -> Figures {
     Figures {
-        photos: Some(50),
+        photos: 50,
         views: 50,
         train_views: 43,
         places: 50,
@@ -45,8 +45,8 @@ fn each_fault_has_its_reason_and_good_figures_have_none() {
         ("blurred-photos", usable, Figures { blurred: names(1), ..good() }),
         ("blurred-photos", again, Figures { blurred: names(20), ..good() }),
         ("blurred-photos", again, Figures { sharpness: Some(0.15), ..good() }),
-        ("photos-without-pose", usable, Figures { photos: Some(80), ..good() }),
-        ("photos-without-pose", again, Figures { photos: Some(200), ..good() }),
+        ("photos-without-pose", usable, Figures { photos: 80, ..good() }),
+        ("photos-without-pose", again, Figures { photos: 200, ..good() }),
         ("drifting-exposure", usable, Figures { exposure_stops: Some(2.8), ..good() }),
         ("inexact-poses", usable, Figures { reprojection_error_px: Some(2.0), ..good() }),
         ("far-cameras", usable, Figures { far_cameras: 2, ..good() }),

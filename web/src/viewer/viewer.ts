@@ -291,6 +291,8 @@ export class Viewer {
 
     /** Waits for the order of all splats: then images are complete. */
     private async complement(): Promise<void> {
+        // Whoever hears of `load` may give the context up. Once it is back, the file is read again, and only then can images be complete.
+        if (this.renderer.lost) return;
         const { scene } = this;
         const view = this.sizedView(this.pace.drawnRatio);
         if (!view) {

@@ -19,6 +19,8 @@ interface Tools extends LossWindow {
     /** Events of all elements, in their order. */
     events: string[];
     moves: number;
+    /** Ends what makes reading slow. */
+    hurry(): void;
 }
 
 describe.skipIf(!browserPath())('<litetex-viewer>', () => {
@@ -109,9 +111,35 @@ describe.skipIf(!browserPath())('<litetex-viewer>', () => {
         await add(1, { src: FILE });
         await shown(14);
         await browser.page.evaluate((style) => { for (const element of (window as unknown as Tools).all) element.style.cssText = style; }, WIDE);
-        for (const i of [0, 6, 7, 13]) await shown(i);
+        for (let i = 0; i < 15; i++) await shown(i);
         expect(await contexts()).toBeLessThanOrEqual(6);
         expect(await events()).toEqual(Array(15).fill('load'));
+    });
+
+    test('one that gives its context up as it hears of `load` says so again when there is an image, not before', async () => {
+        await browser.page.evaluate(() => {
+            // Reading takes a while, as of a large file.
+            const { prototype } = Worker;
+            const post = prototype.postMessage as (this: Worker, ...args: unknown[]) => void;
+            prototype.postMessage = function (this: Worker, ...args: unknown[]) {
+                if ((args[0] as { kind: string }).kind === 'read') setTimeout(() => post.apply(this, args), 2000);
+                else post.apply(this, args);
+            } as typeof prototype.postMessage;
+            (window as unknown as Tools).hurry = () => { prototype.postMessage = post as typeof prototype.postMessage; };
+        });
+        try {
+            await add(1, { src: FILE });
+            await browser.page.evaluate(() => {
+                const [element] = (window as unknown as Tools).all;
+                element.addEventListener('load', () => element.remove(), { once: true });
+            });
+            await loads(1);
+            await browser.page.evaluate(() => document.body.append((window as unknown as Tools).all[0]));
+            await loads(2);
+            expect(await isShown(0)).toBe(true);
+        } finally {
+            await browser.page.evaluate(() => (window as unknown as Tools).hurry());
+        }
     });
 
     test('without an address, nothing is shown any more', async () => {

@@ -1,0 +1,139 @@
+//! Captures with more in their folders than their poses name: photos, points and other pose files.
+
+use super::fixtures::{Scene, write_json};
+use super::strangers_tests::{csv, has_warning, load, text_model, transforms, warning};
+use super::*;
+use crate::views::Split;
+use std::path::Path;
+
+fn write_points(path: &Path, count: usize) {
+    let header = format!(
+        "ply\nformat ascii 1.0\nelement vertex {count}\nproperty float x\nproperty float y\nproperty float z\nend_header\n"
+    );
+    let rows: String = (0..count).map(|i| format!("0 0.1 {i}\n")).collect();
+    std::fs::write(path, header + &rows).unwrap();
+}
+
+/// Photos of which no pose is known, beside those of a capture.
+fn add_photos(root: &Path, names: impl Iterator<Item = String>) {
+    let images = root.join("images");
+    for name in names {
+        std::fs::copy(images.join("p01.png"), images.join(name)).unwrap();
+    }
+}
+
+fn reasons(capture: &Capture) -> Vec<(&'static str, Rating)> {
+    let reasons = capture.verdict().reasons;
+    reasons.into_iter().map(|r| (r.code, r.rating)).filter(|r| r.0 == "photos-without-pose").collect()
+}
+
+#[test]
+fn photos_without_a_pose_are_counted_for_every_form() {
+    let json = || transforms(|json| json.to_string());
+    for folder in [json(), csv(|row| row)] {
+        assert!(!has_warning(&load(folder.path()).unwrap(), "photos-not-registered"), "negative control");
+        add_photos(folder.path(), (0..8).map(|i| format!("q{i}.png")));
+        let capture = load(folder.path()).unwrap();
+        assert!(warning(&capture, "photos-not-registered", 8).contains("8 of 20 photos have no pose"));
+        assert_eq!(reasons(&capture), [("photos-without-pose", Rating::Usable)]);
+        add_photos(folder.path(), (8..30).map(|i| format!("q{i}.png")));
+        assert_eq!(reasons(&load(folder.path()).unwrap()), [("photos-without-pose", Rating::ShootAgain)]);
+    }
+    // What was made of posed photos, and photos of views that are left out, have one.
+    let folder = transforms(|mut json| {
+        json["frames"][4]["is_bad"] = true.into();
+        json.to_string()
+    });
+    let made = ["p01_depth.png", "p01_normal_0001.png", "p02.png.png", "p03-mask.png"];
+    add_photos(folder.path(), made.into_iter().map(str::to_owned));
+    assert!(!has_warning(&load(folder.path()).unwrap(), "photos-not-registered"));
+}
+
+#[test]
+fn points_beside_poses_without_points_are_named() {
+    let folder = transforms(|json| json.to_string());
+    assert!(!has_warning(&load(folder.path()).unwrap(), "points-beside-not-used"), "negative control");
+    write_points(&folder.path().join("points.ply"), 3);
+    let capture = load(folder.path()).unwrap();
+    let message = warning(&capture, "points-beside-not-used", 1);
+    assert!(message.starts_with("1 point cloud beside ") && message.contains("points.ply"), "{message}");
+    assert!(message.contains("--init ply:FILE") && capture.points.is_empty());
+    let model = text_model(&Scene::ring(4));
+    write_points(&model.path().join("sparse/0/points3D.ply"), 3);
+    write_points(&model.path().join("dense.ply"), 3);
+    let capture = load(model.path()).unwrap();
+    assert_eq!((capture.points.len(), has_warning(&capture, "points-beside-not-used")), (20, false));
+    // The converters for Gaussian splats write the model's own points.
+    std::fs::remove_file(model.path().join("sparse/0/points3D.txt")).unwrap();
+    assert_eq!(load(model.path()).unwrap().points.len(), 3);
+    std::fs::remove_file(model.path().join("sparse/0/points3D.ply")).unwrap();
+    let capture = load(model.path()).unwrap();
+    assert!(capture.points.is_empty());
+    assert!(warning(&capture, "points-beside-not-used", 1).contains("dense.ply"));
+}
+
+#[test]
+fn the_pose_file_leads_to_its_capture() {
+    let rows = csv(|row| row);
+    let model = text_model(&Scene::ring(12));
+    let of_scannet = tempfile::tempdir().unwrap();
+    let dslr = of_scannet.path().join("dslr");
+    Scene::ring(12).write_photos(&dslr.join("resized_images"), (12, 8));
+    std::fs::create_dir(dslr.join("nerfstudio")).unwrap();
+    write_json(dslr.join("nerfstudio/transforms.json"), &Scene::ring(12).transforms(""));
+    for (root, file, format) in [
+        (rows.path(), "cameras.csv", "reality-capture"),
+        (model.path(), "sparse/0/images.txt", "colmap"),
+        (of_scannet.path(), "dslr/nerfstudio/transforms.json", "scannetpp"),
+    ] {
+        let (by_file, by_folder) = (load(&root.join(file)).unwrap(), load(root).unwrap());
+        assert_eq!((by_file.format.name(), by_file.views.len()), (format, 12));
+        assert_eq!(by_file.views, by_folder.views);
+    }
+    std::fs::write(rows.path().join("other.csv"), "a,b\n1,2\n").unwrap();
+    assert_eq!(load(&rows.path().join("other.csv")).err().unwrap().exit_code(), 4, "negative control");
+    assert!(load(&model.path().join("images/p01.png")).is_err(), "a photo is no pose file");
+}
+
+#[test]
+fn photos_beside_the_folder_of_the_poses_are_named_with_the_option() {
+    let folder = csv(|row| row);
+    let inner = folder.path().join("poses");
+    std::fs::create_dir(&inner).unwrap();
+    std::fs::rename(folder.path().join("cameras.csv"), inner.join("cameras.csv")).unwrap();
+    for path in [inner.clone(), inner.join("cameras.csv")] {
+        let error = load(&path).err().unwrap();
+        let images = folder.path().canonicalize().unwrap().join("images");
+        let command = format!("--images {}", images.display());
+        assert!(error.exit_code() == 3 && error.to_string().contains(&command), "{error}");
+        let options = LoadOptions { images: Some(images), ..LoadOptions::default() };
+        assert_eq!(Capture::load(&path, &options).unwrap().views.len(), 12);
+    }
+}
+
+#[test]
+fn validation_views_beside_test_views_are_named() {
+    let folder = transforms(|mut json| {
+        json["ply_file_path"] = "points.ply".into();
+        json.to_string()
+    });
+    let root = folder.path();
+    write_points(&root.join("points.ply"), 5);
+    let text = std::fs::read_to_string(root.join("transforms.json")).unwrap();
+    std::fs::remove_file(root.join("transforms.json")).unwrap();
+    let whole: serde_json::Value = serde_json::from_str(&text).unwrap();
+    for (side, range) in [("train", 0..8), ("val", 8..10), ("test", 10..12)] {
+        let mut part = whole.clone();
+        part["frames"] = whole["frames"].as_array().unwrap()[range].into();
+        write_json(root.join(format!("transforms_{side}.json")), &part);
+    }
+    let held_out = |capture: &Capture| capture.views.iter().filter(|v| v.split == Split::Test).count();
+    let capture = load(root).unwrap();
+    assert_eq!((capture.views.len(), held_out(&capture), capture.points.len()), (10, 2, 5));
+    assert!(warning(&capture, "validation-views-not-used", 2).contains("transforms_val.json: 2 frames"));
+    assert!(!has_warning(&capture, "photos-not-registered"), "their photos have poses");
+    std::fs::remove_file(root.join("transforms_test.json")).unwrap();
+    let capture = load(root).unwrap();
+    assert_eq!((capture.views.len(), held_out(&capture), capture.points.len()), (10, 2, 5));
+    assert!(!has_warning(&capture, "validation-views-not-used") && capture.split_by.contains("_val"));
+}
