@@ -44,10 +44,39 @@ fn each_warning_and_kind_of_error_has_an_entry() {
     let has_entry = |code: &&String| entries_of_warnings.contains(code) || verdicts.contains(*code);
     let missing: Vec<_> = codes.iter().filter(|code| !has_entry(code)).collect();
     assert!(missing.is_empty(), "no entry in docs/troubleshooting.md: {missing:?}");
+    let nouns = literals(&text, "finish(path,");
+    assert_eq!(nouns.iter().map(String::as_str).collect::<Vec<_>>(), ["points", "views"]);
+    assert!(nouns.iter().all(|noun| entries_of_warnings.contains(&format!("{noun}-left-out"))));
     // Codes that are chosen from a list are literals elsewhere; "-left-out" follows a noun.
     let is_known = |entry: &&String| text.contains(&format!("\"{entry}\"")) || entry.ends_with("-left-out");
     let unknown: Vec<_> = entries_of_warnings.iter().filter(|entry| !is_known(entry)).collect();
     assert!(unknown.is_empty(), "entries of no code: {unknown:?}");
     assert!(entries_of_warnings.is_sorted(), "entries are in order");
     assert_eq!(entries("Errors"), Error::KINDS);
+}
+
+/// The text of an entry.
+fn entry(code: &str) -> &'static str {
+    let page = include_str!("../docs/troubleshooting.md");
+    let after = page.split(&format!("### `{code}`\n\n")).last().unwrap();
+    after.split("\n\n#").next().unwrap()
+}
+
+#[test]
+fn entries_say_what_the_warnings_say() {
+    for (code, said, not_said) in [
+        (
+            "photos-turned-by-exif",
+            &["taken as stored", "exif=apply`\nturns", "exif=ignore` confirms"][..],
+            "were turned",
+        ),
+        ("no-test-figures", &["masks leave out every pixel"], "No view was held out"),
+        ("different-repetitions", &["differ in more than the seed"], "different seeds"),
+        ("cameras-left-out", &["no view uses"], "Export the poses again"),
+    ] {
+        let text = entry(code);
+        assert!(said.iter().all(|words| text.contains(words)) && !text.contains(not_said), "{code}: {text}");
+    }
+    assert!(entry("views-left-out").starts_with("The poses"), "an entry ends where the next begins");
+    assert!(!entry("views-left-out").contains("###"));
 }

@@ -216,6 +216,12 @@ fn find_poses(
     let files: Vec<&str> = CaptureFormat::all().filter(wanted).map(|f| f.entry().files).collect();
     let files = files.join(", or ");
     let elsewhere = elsewhere::advice(path, &wanted);
+    let unread = || formats::unread::problem(path).filter(|_| options.format.is_none());
+    if elsewhere.is_none()
+        && let Some(problem) = unread()
+    {
+        return Err(problem);
+    }
     Err(if path.is_file() {
         let expected = format!("a capture: a folder with {files}, a ZIP archive of it, or a transforms.json");
         match elsewhere.filter(|_| advice::for_path(path).is_some()).or_else(|| advice::for_path(path)) {

@@ -8,7 +8,7 @@ use super::{advice, exr_photo};
 use crate::text::quoted;
 use crate::{Error, Result, input_file};
 use image::metadata::Orientation;
-use image::{ColorType, ImageDecoder as _, ImageReader};
+use image::{ColorType, ImageDecoder as _, ImageFormat, ImageReader};
 use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
@@ -30,11 +30,11 @@ pub(crate) fn image_error(path: &Path, error: image::ImageError) -> Error {
     match error {
         image::ImageError::IoError(e) if e.kind() != std::io::ErrorKind::UnexpectedEof => Error::io(path, e),
         image::ImageError::Unsupported(e) => {
-            unsupported!(path, "{e}; photos must be PNG, JPEG, WebP or EXR: convert this one")
+            unsupported!(path, "{e}; photos must be PNG, JPEG, TIFF, WebP or EXR: convert this one")
         }
         e => invalid!(
             path,
-            "unreadable image: {e}; expected PNG, JPEG, WebP or EXR: replace the file or remove it"
+            "unreadable image: {e}; expected PNG, JPEG, TIFF, WebP or EXR: replace the file or remove it"
         ),
     }
 }
@@ -104,18 +104,28 @@ pub(crate) fn photo_header(path: &Path) -> Result<PhotoHeader> {
             decoder_bytes,
         });
     }
-    let mut decoder = open(path)?.into_decoder().map_err(|e| image_error(path, e))?;
+    let reader = open(path)?;
+    let format = reader.format();
+    let mut decoder = reader.into_decoder().map_err(|e| image_error(path, e))?;
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
     let (width, height) = decoder.dimensions();
     if width == 0 || height == 0 {
         return Err(invalid!(path, "the photo is {width}x{height}"));
     }
+    let decoder_bytes = match format {
+        // All pixels are decoded before they are copied, those of CMYK with four channels.
+        Some(ImageFormat::Tiff) => {
+            let bits = u64::from(decoder.original_color_type().bits_per_pixel());
+            (u64::from(width) * u64::from(height) * bits).div_ceil(8)
+        }
+        _ => jpeg_bytes(path),
+    };
     Ok(PhotoHeader {
         size: (width, height),
         turn: orientation,
         has_alpha: decoder.color_type().has_alpha(),
         color: decoder.color_type(),
-        decoder_bytes: jpeg_bytes(path),
+        decoder_bytes,
     })
 }
 
@@ -255,6 +265,17 @@ mod tests {
         assert_eq!(header(ColorType::La16, 0).mask_bytes(false), 60 * (4 + 1));
         assert_eq!(header(ColorType::Rgb8, 0).colours_bytes(true), 60 * (3 + 3));
         assert_eq!(header(ColorType::Rgb8, 500).colours_bytes(true), 60 * 3 + 500);
+    }
+
+    #[test]
+    fn tiff_files_take_their_pixels_twice() {
+        let folder = tempfile::tempdir().unwrap();
+        let needed = |name: &str| {
+            let path = folder.path().join(name);
+            image::RgbImage::new(10, 6).save(&path).unwrap();
+            photo_header(&path).unwrap().colours_bytes(false)
+        };
+        assert_eq!((needed("a.tif"), needed("a.png")), (60 * (3 + 3), 60 * 3));
     }
 
     #[test]

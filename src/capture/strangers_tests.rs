@@ -2,7 +2,7 @@
 
 use super::fixtures::{Scene, write_json};
 use super::*;
-use crate::views::ViewSource as _;
+use crate::views::{Split, ViewSource as _};
 use crate::{Error, Result};
 use glam::{DQuat, DVec3};
 use std::path::Path;
@@ -466,6 +466,26 @@ fn poses_in_the_places_of_other_programs_are_found() {
         write_json(folder.path().join("transforms.json"), &scene.transforms(&format!("{photos}/")));
         let capture = load(folder.path()).unwrap();
         assert_eq!((capture.format.name(), has_warning(&capture, "poses-elsewhere")), ("transforms", false));
+    }
+}
+
+#[test]
+fn test_frames_alone_are_a_capture() {
+    let scene = Scene::ring(9);
+    let few = Scene { images: scene.images[..3].to_vec(), ..scene.clone() };
+    for name in ["transforms_test.json", "transforms_val.json"] {
+        let folder = tempdir().unwrap();
+        scene.write_photos(&folder.path().join("images"), (12, 8));
+        let counts = || {
+            let capture = load(folder.path()).unwrap();
+            let held_out = capture.views.iter().filter(|view| view.split == Split::Test).count();
+            (capture.format.name(), capture.views.len(), held_out)
+        };
+        write_json(folder.path().join(name), &few.transforms("images/"));
+        assert_eq!(counts(), ("transforms", 3, 1), "{name}");
+        // Negative control: beside training frames they are the test views.
+        write_json(folder.path().join("transforms_train.json"), &scene.transforms("images/"));
+        assert_eq!(counts(), ("transforms", 9, 3), "{name}");
     }
 }
 

@@ -1,6 +1,7 @@
 //! Captures in a ZIP archive: unpacked into a temporary folder that exists as long as the capture does.
 
 use super::extensions;
+use super::formats::unread;
 use super::paths::is_of_macos;
 use crate::text::quoted;
 use crate::{Error, Result};
@@ -12,6 +13,9 @@ use zip::result::ZipError;
 
 /// Extensions of the files that a capture may need next to its photos; everything else stays packed.
 const EXTENSIONS: [&str; 7] = ["bin", "txt", "json", "ply", "csv", "xml", "xmp"];
+
+/// How much of a file tells whether it is an image.
+const HEAD_BYTES: u64 = 32;
 
 /// The file of Record3D's archives (.r3d) that has no extension.
 const RECORD3D: &str = "metadata";
@@ -140,23 +144,33 @@ pub(crate) fn unpack(path: &Path) -> Result<Unpacked> {
                 quoted(&name)
             ));
         };
+        // Links are skipped, or they would be written as files with the text of their target.
+        let is_of_macos = inside.components().any(|part| is_of_macos(part.as_os_str()));
+        if is_of_macos || entry.is_dir() || entry.is_symlink() {
+            continue;
+        }
+        let broken = |e| {
+            our_error(path, &format!("{element} ({})", quoted(&inside.to_string_lossy())), ZipError::Io(e))
+        };
+        let mut head = Vec::new();
+        let begun = entry.by_ref().take(HEAD_BYTES).read_to_end(&mut head);
         // Photos that are not read are refused with the command that converts them.
         let is_needed = extensions::is_photo(&inside)
             || extensions::is_of(&inside, &EXTENSIONS)
-            || inside.ends_with(RECORD3D);
-        // Links are skipped, or they would be written as files with the text of their target.
-        let is_of_macos = inside.components().any(|part| is_of_macos(part.as_os_str()));
-        if is_of_macos || entry.is_dir() || entry.is_symlink() || !is_needed {
+            || extensions::is_of(&inside, &unread::EXTENSIONS)
+            || inside.ends_with(RECORD3D)
+            || extensions::is_image(&inside, &head);
+        if !is_needed {
             continue;
         }
+        begun.map_err(broken)?;
         let target = unpacked.folder.join(&inside);
         let folder = target.parent().unwrap_or(&unpacked.folder);
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
         let mut out = File::create(&target).map_err(|e| Error::io(&target, e))?;
         // A byte beyond the bound shows that there is more.
-        let copied = std::io::copy(&mut entry.by_ref().take(allowed_bytes + 1), &mut out).map_err(|e| {
-            our_error(path, &format!("{element} ({})", quoted(&inside.to_string_lossy())), ZipError::Io(e))
-        })?;
+        let mut content = head.as_slice().chain(entry.by_ref()).take(allowed_bytes + 1);
+        let copied = std::io::copy(&mut content, &mut out).map_err(broken)?;
         allowed_bytes = allowed_bytes.checked_sub(copied).ok_or_else(|| {
             invalid!(
                 path,

@@ -2,7 +2,7 @@
 
 use super::sources::{check_kind, is_asset, load_scene};
 use litetex_gs::backend::RenderedImage;
-use litetex_gs::capture::read_image;
+use litetex_gs::capture::{is_image_name, read_image};
 use litetex_gs::console::device;
 use litetex_gs::console::values::{parse_decibels, whole};
 use litetex_gs::console::{Interrupt, Log, Output, columns, path_text};
@@ -45,7 +45,7 @@ pub fn run(args: &CompareArgs, log: &Log) -> Result<Output> {
         if !path.exists() {
             return Err(Error::io(path, std::io::ErrorKind::NotFound.into()));
         }
-        if !is_image(path) {
+        if !is_image_name(path) {
             check_kind(path, ", an image (.png, .jpg, .exr) or a folder of images")?;
         }
     }
@@ -191,12 +191,6 @@ fn read(path: &Path) -> Result<RenderedImage> {
     Ok(RenderedImage { width_px, height_px, rgb, alpha: vec![], depth: vec![], normal: vec![] })
 }
 
-/// Whether the name of a file is that of an image.
-fn is_image(path: &Path) -> bool {
-    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
-    ["png", "jpg", "jpeg", "webp", "exr"].contains(&extension.as_str())
-}
-
 /// Paths of the images below a folder, relative to it.
 fn names(folder: &Path) -> Result<BTreeSet<PathBuf>> {
     let mut found = BTreeSet::new();
@@ -206,7 +200,7 @@ fn names(folder: &Path) -> Result<BTreeSet<PathBuf>> {
             let path = entry.map_err(|e| Error::io(&at, e))?.path();
             if path.is_dir() {
                 folders.push(path);
-            } else if is_image(&path)
+            } else if is_image_name(&path)
                 && let Ok(name) = path.strip_prefix(folder)
             {
                 found.insert(name.to_owned());

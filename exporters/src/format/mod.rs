@@ -152,7 +152,13 @@ pub fn read_asset(path: &Path, limits: &ReadLimits) -> Result<Contents> {
                 hash: None,
                 sections: read.sections,
                 layers: Vec::new(),
-                warnings: read.left_out.into_iter().chain(read.dropped_sh).chain(thick).collect(),
+                warnings: read
+                    .left_out
+                    .into_iter()
+                    .chain(read.dropped_sh)
+                    .chain(read.lost_frame)
+                    .chain(thick)
+                    .collect(),
             })
         }
         Format::Spz => spz::read_spz(path, limits),

@@ -14,7 +14,8 @@
 //!
 //! Where the frame of the file is not the capture's, the comment `world_from_capture` states the transform between them (scale,
 //! rotation wxyz, translation), which our reader undoes; `origin`, for people and other programs, which point of the capture lies
-//! at the origin of the file, if it is another than 0 0 0.
+//! at the origin of the file, if it is another than 0 0 0. In our files it moves the splats back where `world_from_capture` was
+//! lost; a turn is lost with it then.
 
 use crate::Transform;
 
@@ -52,6 +53,13 @@ fn world_from_comment(text: &str) -> Option<Transform> {
     let [scale, rotation @ .., x, y, z] = numbers.as_slice() else { return None };
     let frame = Transform { scale: *scale, rotation: rotation.try_into().ok()?, translation: [*x, *y, *z] };
     (frame.is_sound() && frame.inverse().is_sound()).then_some(frame)
+}
+
+/// The point of a comment `origin`; `None` if the text is none.
+fn origin_from_comment(text: &str) -> Option<[f64; 3]> {
+    let numbers: Vec<f64> = text.split_whitespace().map(str::parse).collect::<Result<_, _>>().ok()?;
+    let origin: [f64; 3] = numbers.try_into().ok()?;
+    Transform::scaled_and_moved(1.0, origin).is_sound().then_some(origin)
 }
 
 #[cfg(test)]

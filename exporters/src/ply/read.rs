@@ -32,6 +32,8 @@ pub struct PlyContents {
     pub left_out: Option<String>,
     /// What of the SH was left out, as a warning; `None` if all were kept.
     pub dropped_sh: Option<String>,
+    /// What of the file's frame could not be undone, as a warning; `None` if all was.
+    pub lost_frame: Option<String>,
 }
 
 /// Reads a file. See [`decode_ply`].
@@ -60,6 +62,7 @@ pub fn decode_ply(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<PlyC
         comments: rows.header.comments.clone(),
         left_out: None,
         dropped_sh: dropped_sh(columns.stored_sh_degree),
+        lost_frame: None,
     };
     take_provenance(&mut contents);
     let origin = local_origin(&rows, &columns)?;
@@ -136,7 +139,8 @@ fn is_ours(comments: &[String]) -> bool {
 
 /// Takes the provenance that our writer leaves in comments.
 fn take_provenance(contents: &mut PlyContents) {
-    let (mut world, mut up) = (None, None);
+    let (mut world, mut up, mut origin) = (None, None, None);
+    let mut refers_to_world = false;
     let is_ours = is_ours(&contents.comments);
     let plain = |text: &str| if is_ours { unescaped(text) } else { text.to_owned() };
     let facts = &mut contents.asset.provenance;
@@ -145,7 +149,10 @@ fn take_provenance(contents: &mut PlyContents) {
             continue;
         };
         match name {
-            "world_from_capture" => world = super::world_from_comment(text),
+            "world_from_capture" => world = Some(super::world_from_comment(text)),
+            // Said by the writer where the frame is not the capture's.
+            "frame" if is_ours => refers_to_world = text.contains("see world_from_capture"),
+            "origin" if is_ours => origin = Some(super::origin_from_comment(text)),
             "up" => up = PlyUp::ALL.into_iter().find(|up| up.name() == text),
             "up_in_capture" => facts.up = plain(text),
             "scale" => facts.scale = plain(text),
@@ -165,6 +172,27 @@ fn take_provenance(contents: &mut PlyContents) {
         }
     }
     let up = up.filter(|_| is_ours).unwrap_or_default();
+    let lost = match world {
+        Some(Some(_)) => None,
+        Some(None) => Some("holds no transform"),
+        // Otherwise the frame is that of the capture or of another program.
+        None => (refers_to_world || origin.is_some()).then_some("is missing"),
+    };
+    let mut world = world.flatten();
+    if let Some(how) = lost {
+        world =
+            origin.flatten().map(|[x, y, z]| Transform::scaled_and_moved(1.0, [0.0 - x, 0.0 - y, 0.0 - z]));
+        // The direction in the capture says nothing of this frame.
+        facts.up.clear();
+        let undone = match world {
+            Some(_) => "only the origin that the file states is undone",
+            None => "the splats stay where the file has them",
+        };
+        contents.lost_frame = Some(format!(
+            "the comment world_from_capture {how}, so {undone}, and what is up is not known; export the file again, or choose \
+             with --up"
+        ));
+    }
     if world.is_some() || up != PlyUp::default() {
         // Splats lie in the world, and in files with another axis up in one turned from it.
         let world = world.unwrap_or_default();

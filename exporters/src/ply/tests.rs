@@ -79,6 +79,65 @@ fn another_axis_points_up_in_the_file_and_the_scene_is_the_same() {
     }
 }
 
+/// The bytes with one comment of the header replaced, or left out.
+fn with_comment(bytes: &[u8], name: &str, text: Option<&str>) -> Vec<u8> {
+    let body = bytes.windows(11).position(|w| w == b"end_header\n").unwrap();
+    let start = format!("comment {name}: ");
+    let header: Vec<String> = std::str::from_utf8(&bytes[..body])
+        .unwrap()
+        .lines()
+        .filter_map(|line| match text {
+            _ if !line.starts_with(&start) => Some(line.to_owned()),
+            text => text.map(|text| format!("{start}{text}")),
+        })
+        .collect();
+    [(header.join("\n") + "\n").as_bytes(), &bytes[body..]].concat()
+}
+
+#[test]
+fn an_origin_is_undone_also_where_the_frame_was_lost() {
+    let mut asset = fixture(20, 0);
+    let origin = [512_345.0, 4_512_345.0, -123.5];
+    asset.capture_from_local.translation = origin;
+    asset.set_origin(origin);
+    asset.provenance.up = "up is z: measured".to_owned();
+    let (bytes, _) = encode_ply(&asset, &PlyOptions::default()).unwrap();
+    let whole = decode(&bytes).unwrap();
+    assert_eq!((whole.lost_frame, whole.asset.provenance.up.as_str()), (None, "up is z: measured"));
+    let first = |read: &SplatAsset| read.capture_from_local.transform_point(read.positions[0]);
+    let expected = first(&whole.asset);
+    assert!(expected[1] > 4e6);
+    for (text, words) in [
+        (None, "world_from_capture is missing, so only the origin"),
+        (Some("nan 1 0 0 0 0 0 0"), "holds no transform, so only the origin"),
+        (Some("0 0 0 0 0 0 0 0"), "holds no transform"),
+        (Some("1 2"), "holds no transform"),
+    ] {
+        let read = decode(&with_comment(&bytes, "world_from_capture", text)).unwrap();
+        assert!(read.lost_frame.as_ref().unwrap().contains(words), "{:?}", read.lost_frame);
+        let found = first(&read.asset);
+        assert!((0..3).all(|i| (found[i] - expected[i]).abs() < 1e-6), "{found:?}"); // needed 1e-9
+        assert_eq!(read.asset.provenance.up, "", "what is up is no longer known");
+        read.asset.validate().unwrap();
+    }
+    // Nothing to go by: the splats stay, and that is said.
+    let lost = with_comment(&bytes, "world_from_capture", None);
+    for text in ["nan 0 0", "1 2", "inf 0 0"] {
+        let read = decode(&with_comment(&lost, "origin", Some(text))).unwrap();
+        assert!(read.lost_frame.unwrap().contains("the splats stay where the file has them"));
+        assert!(first(&read.asset).iter().all(|v| v.abs() < 1e3));
+    }
+    let bare = with_comment(&lost, "origin", None);
+    assert!(
+        decode(&bare).unwrap().lost_frame.unwrap().contains("the splats stay"),
+        "the frame is said to be another"
+    );
+    // Negative controls: a frame like the capture's, and comments of another program.
+    assert_eq!(decode(&with_comment(&bare, "frame", Some("of the capture"))).unwrap().lost_frame, None);
+    let foreign = with_comment(&lost, "written by", Some("another program"));
+    assert_eq!(decode(&foreign).unwrap().lost_frame, None);
+}
+
 #[test]
 fn everything_but_the_maps_round_trips() {
     for degree in 0..=3 {

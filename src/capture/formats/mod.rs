@@ -26,6 +26,7 @@ mod record3d;
 mod scannetpp;
 mod transforms;
 mod transforms_lens;
+pub(crate) mod unread;
 mod unused;
 mod xml;
 

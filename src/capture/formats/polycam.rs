@@ -62,11 +62,13 @@ struct Camera {
 fn find(path: &Path, _: &mut Report) -> Option<Found> {
     let keyframes = [path.join("keyframes"), path.to_owned()];
     let (keyframes, cameras, photos) = keyframes.iter().find_map(|keyframes| {
-        let complete = FOLDERS.iter().find(|(cameras, photos)| {
-            let is_camera = |path: &PathBuf| begins_with_all(path, &["\"t_00\""]);
-            keyframes.join(photos).is_dir()
-                && files(&keyframes.join(cameras), "json", 0).iter().any(is_camera)
-        });
+        let is_camera = |path: &PathBuf| begins_with_all(path, &["\"t_00\""]);
+        let has_cameras = |cameras: &str| files(&keyframes.join(cameras), "json", 0).iter().any(is_camera);
+        let complete = FOLDERS
+            .iter()
+            .find(|(cameras, photos)| keyframes.join(photos).is_dir() && has_cameras(cameras))
+            // Their photos are lost, or elsewhere.
+            .or_else(|| FOLDERS.iter().find(|(cameras, _)| has_cameras(cameras)));
         complete.map(|(cameras, photos)| (keyframes.clone(), *cameras, *photos))
     })?;
     let cameras = keyframes.join(cameras);

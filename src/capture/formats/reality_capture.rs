@@ -80,6 +80,21 @@ fn head(path: &Path) -> String {
     String::from_utf8_lossy(&head).into_owned()
 }
 
+/// Why a file that has the columns of the export cannot be read; `None` if it has others.
+pub(super) fn unreadable_table(path: &Path) -> Option<&'static str> {
+    let head = head(path);
+    let has_columns = |separator: char, text: &str| {
+        text.lines().take(2).any(|line| header(&line.replace(separator, ",")).is_some())
+    };
+    // Half of the bytes of such text are zero; its mark is no UTF-8.
+    let narrow: String = head.trim_start_matches('\u{fffd}').replace('\0', "");
+    if head.contains('\0') {
+        return [',', ';', '\t'].into_iter().any(|s| has_columns(s, &narrow)).then_some("in UTF-16");
+    }
+    let separators = [(';', "separated by semicolons"), ('\t', "separated by tabs")];
+    separators.into_iter().find_map(|(separator, what)| has_columns(separator, &head).then_some(what))
+}
+
 /// A row of the table.
 struct Row<'a> {
     columns: &'a [String],

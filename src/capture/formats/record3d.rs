@@ -50,9 +50,10 @@ struct Metadata {
 fn find(path: &Path, _: &mut Report) -> Option<Found> {
     let has_photos = PHOTOS.iter().any(|name| path.join(name).is_dir());
     let file = ["metadata.json", "metadata"].map(|name| path.join(name)).into_iter().find(|p| p.is_file())?;
-    let is_ours =
-        || input_file::read_text(&file, FILE_BYTES_MAX).is_ok_and(|text| text.contains("\"poses\""));
-    let found = has_photos && is_ours();
+    let text = input_file::read_text(&file, FILE_BYTES_MAX).ok()?;
+    // Without its photos, a file of this name may be of any program.
+    let marks: &[&str] = if has_photos { &["\"poses\""] } else { &["\"poses\"", "\"w\"", "\"h\"", "\"K\""] };
+    let found = marks.iter().all(|mark| text.contains(mark));
     found.then(|| {
         let files = vec![file.clone()];
         Found { files, ..Found::new(path, Box::new(move |folder| read(&file, folder))) }

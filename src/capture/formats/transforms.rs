@@ -88,13 +88,14 @@ fn find(path: &Path, _: &mut Report) -> Option<Found> {
 }
 
 /// The files of a capture with the side of the split that each states. Blender's `transforms_val` serves as test set only
-/// where there is no other: published figures are those of the test set.
+/// where there is no other: published figures are those of the test set. Where there are no training views, these are all
+/// that there is.
 fn files_in(root: &Path) -> Vec<(PathBuf, Side)> {
     let existing = |name: &str| Some(root.join(name)).filter(|p| p.is_file());
     let [test, val] = ["transforms_test.json", "transforms_val.json"].map(existing);
     let train = existing("transforms_train.json").or_else(|| existing("transforms.json"));
     let Some(train) = train else {
-        return Vec::new();
+        return test.or(val).into_iter().map(|only| (only, Side::Unstated)).collect();
     };
     match (test, val) {
         (Some(test), val) => {
