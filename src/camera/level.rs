@@ -35,7 +35,7 @@ const PORTRAIT_SHARES: [f64; 3] = [0.1, 0.7, 0.2];
 const CAREFUL_SINES: [f64; 2] = [0.0175, 0.0349];
 
 /// How many times as much careless photos are rolled. Measured: of fox, half of the photos are level to within 2 degrees, the
-/// others rolled by 5 to 26, mostly to one side; least squares is off by 6 degrees from the picture frames in its photos.
+/// others rolled by 5 to 26, mostly to one side; least squares is off by 6 degrees from the frames on the wall.
 const CARELESS: f64 = 6.0;
 
 /// What a mixture must gain in log likelihood over least squares, less [`GAIN_LESS`] for each photo. Measured on photos in
