@@ -210,6 +210,7 @@ fn up_is_an_axis_of_the_format_where_it_is_near_one() {
     assert!(tilted(4.9).words().starts_with("-y: 24 of 24 photos"), "{}", tilted(4.9).words());
     assert_eq!(direction_text([0.0, 0.0, 2.0]), "z");
     assert_eq!(direction_text([0.6, -0.8, 0.0]), "0.6000,-0.8000,0.0000");
+    assert_eq!(direction_text([0.6, -0.8, -1e-9]), "0.6000,-0.8000,0.0000");
 }
 
 #[test]
