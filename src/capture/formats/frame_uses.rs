@@ -41,13 +41,13 @@ impl Flags {
     /// Those of a frame.
     pub(super) fn of(frame: &Value) -> Self {
         // What is null or empty is not stated.
-        let stated = |key: &str| frame.get(key).filter(|v| !v.is_null() && word(v) != "").cloned();
+        let stated = |key: &str| frame.get(key).filter(|v| !v.is_null() && !word(v).is_empty()).cloned();
         Self { split: stated("split"), is_bad: stated("is_bad") }
     }
 
     /// The side that `split` states, or the word that is none.
     fn side(&self) -> Result<Option<Split>, String> {
-        let Some(word) = self.split.as_ref().map(|value| word(value)) else { return Ok(None) };
+        let Some(word) = self.split.as_ref().map(word) else { return Ok(None) };
         match &*word {
             known if TRAIN.contains(&known) => Ok(Some(Split::Train)),
             known if TEST.contains(&known) => Ok(Some(Split::Test)),
