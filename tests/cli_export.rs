@@ -334,6 +334,32 @@ fn a_program_chooses_what_is_up_in_ply_files_alone() {
 }
 
 #[test]
+fn scenes_without_cameras_are_verified_from_around_them() {
+    let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
+    let at = |name: &str| folder.path().join(name);
+    good(&["export", text(run), "-o", text(&at("bare.ply")), "--device", "cpu"]);
+    assert!(json(&["inspect", text(&at("bare.ply"))])["cameras"].as_array().is_none_or(Vec::is_empty));
+    let made = good(&["convert", text(&at("bare.ply")), "-o", text(&at("a.glb")), "--device", "cpu"]);
+    assert!(made.contains(" yes"), "{made}");
+    let bare = at("bare.ply");
+    let against = ["--against", text(&bare), "--device", "cpu"];
+    let verdict = json(&[&["verify", text(&at("a.glb"))], &against[..]].concat());
+    assert_eq!(verdict["verdict"]["views"], 8, "{verdict}");
+    // Negative control: with splats left out, it is another scene.
+    good(&[
+        "convert",
+        text(&at("bare.ply")),
+        "-o",
+        text(&at("b.glb")),
+        "--crop",
+        "-1e9,-1e9,-1e9:0,1e9,1e9",
+        "--no-verify",
+    ]);
+    let (code, message) = bad(&[&["verify", text(&at("b.glb"))], &against[..]].concat());
+    assert_eq!(code, 1, "{message}");
+}
+
+#[test]
 fn scenes_are_cropped_reoriented_and_titled() {
     let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
     let file = folder.path().join("a.usdz");

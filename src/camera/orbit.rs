@@ -24,8 +24,8 @@ pub fn orbit(views: &[Camera], up: DVec3, count: u32) -> Vec<Camera> {
     (0..count).map(at).collect()
 }
 
-/// A camera at `centre` that looks at `target`.
-fn looking(centre: DVec3, target: DVec3, up: DVec3) -> RigidTransform {
+/// `camera_from_local` of a camera at `centre` that looks at `target`.
+pub fn looking(centre: DVec3, target: DVec3, up: DVec3) -> RigidTransform {
     let forward = (target - centre).try_normalize().unwrap_or(-up);
     let right = forward.cross(up).try_normalize().unwrap_or_else(|| forward.any_orthonormal_vector());
     let down = forward.cross(right);

@@ -16,6 +16,7 @@ use litetex_gs::text::format_count;
 use litetex_gs::verify::{
     Backends, BakedScene, Contribution, EXPORT_VIEWS, ExpectedImages, GoOn, PhotoPsnr, QualityLimits,
     ReadBack, Rounding, SceneRenderer, Verdict, evenly_spread, find_rounding, find_sh_bits, verify,
+    views_around,
 };
 use litetex_gs::{Error, Report, Result, usage};
 use std::path::{Path, PathBuf};
@@ -57,7 +58,12 @@ pub fn write_all(
     edit(&mut scene, args, &go_on, log)?;
     scene.asset.validate().map_err(|e| Error::from(e.at(&scene.path)))?;
     let photos = if args.no_verify { None } else { photos_of_tests(&scene, trained, log) };
-    let (tests, training): (Vec<_>, Vec<_>) = scene.asset.cameras.iter().cloned().partition(|c| c.held_out);
+    let (tests, mut training): (Vec<_>, Vec<_>) =
+        scene.asset.cameras.iter().cloned().partition(|c| c.held_out);
+    if training.is_empty() {
+        training = views_around(&scene.asset);
+        log.detail("no training cameras: files are compared with the scene from around it");
+    }
     let views = [training, tests].map(|cameras| evenly_spread(&cameras, EXPORT_VIEWS));
     let job = Job { args, device, go_on: &go_on, log };
     let mut verification = job.verification(&scene.asset, [&views[0], &views[1]], photos.as_ref())?;
@@ -141,7 +147,7 @@ fn photos_of_tests(scene: &BakedScene, trained: Option<&Trained>, log: &Log) -> 
 }
 
 impl<'a> Job<'a> {
-    /// Renders the scene at training and test views, unless files are not to be verified or it has no cameras.
+    /// Renders the scene at training and test views, unless files are not to be verified.
     fn verification(
         &self,
         asset: &'a SplatAsset,
@@ -151,15 +157,6 @@ impl<'a> Job<'a> {
         let &Self { args, device, go_on, log } = self;
         if args.no_verify {
             log.detail("the files are not verified");
-            return Ok(None);
-        }
-        if views.is_empty() {
-            log.warn(
-                "not-verified",
-                "the files are not verified: the scene has no cameras to render it from; \"litetex verify\" with the photos' \
-                 --capture renders the views of a capture",
-                1,
-            );
             return Ok(None);
         }
         let mut renderer = SceneRenderer::new(device::open(device, log)?, go_on);

@@ -9,6 +9,7 @@ use litetex_gs::console::values::{parse_decibels, whole};
 use litetex_gs::console::{Interrupt, Log, Output, Table, path_text};
 use litetex_gs::verify::{
     ExpectedImages, PhotoPsnr, QualityLimits, ReadBack, SceneRenderer, Verdict, evenly_spread, verify,
+    views_around,
 };
 use litetex_gs::views::ViewSource;
 use litetex_gs::{Error, Result, usage};
@@ -84,9 +85,12 @@ pub fn run(args: &VerifyArgs, log: &Log) -> Result<Output> {
     Ok(Output::new("litetex-verify/1", found, table).failing(failure))
 }
 
-/// The cameras of a scene, or those of its capture if the scene has none.
+/// The cameras of a scene, those of its capture if the scene has none, or views around it.
 fn cameras_of(scene: &SplatAsset, capture: Option<&Capture>) -> Vec<AssetCamera> {
-    let Some(capture) = capture.filter(|_| scene.cameras.is_empty()) else { return scene.cameras.clone() };
+    if !scene.cameras.is_empty() {
+        return scene.cameras.clone();
+    }
+    let Some(capture) = capture else { return views_around(scene) };
     let of_capture = &capture.capture_from_local;
     let frame = Transform::scaled_and_moved(of_capture.scale, of_capture.translation.to_array());
     let scene_from_local = scene.capture_from_local.inverse().after(&frame);

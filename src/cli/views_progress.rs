@@ -7,7 +7,7 @@ use indicatif::ProgressBar;
 use litetex_exporters::{Format, SplatAsset};
 use litetex_gs::console::Log;
 use litetex_gs::text::format_duration;
-use litetex_gs::verify::{EXPORT_VIEWS, sh_bits_views};
+use litetex_gs::verify::{EXPORT_VIEWS, VIEWS_AROUND, sh_bits_views};
 use serde_json::json;
 use std::cell::Cell;
 use std::path::PathBuf;
@@ -17,8 +17,9 @@ use std::time::Instant;
 pub fn views_to_render(asset: &SplatAsset, outputs: &[PathBuf], args: &AssetArgs) -> u64 {
     let all = asset.cameras.len();
     let training = asset.cameras.iter().filter(|c| !c.held_out).count();
+    let shown = if training == 0 { VIEWS_AROUND } else { training };
     let verified =
-        if args.no_verify { 0 } else { [training, all - training].map(|n| n.min(EXPORT_VIEWS)).iter().sum() };
+        if args.no_verify { 0 } else { [shown, all - training].map(|n| n.min(EXPORT_VIEWS)).iter().sum() };
     let of_file = |path: &PathBuf| {
         let Some(format) = Format::from_path(path) else { return 0 };
         let found = args.goal_of(format).map_or(0, |goal| goal.views_to_render(training, all));

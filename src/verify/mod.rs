@@ -2,6 +2,7 @@
 //! still does: renders scenes and compares their images. Nothing here prints, writes files or chooses a device;
 //! callers pass backends, get data and warnings back, and may stop the work through a callback.
 
+mod around;
 mod baked_scene;
 mod closed_loop;
 mod contribution;
@@ -15,6 +16,7 @@ mod sensitivity;
 mod sh_bits;
 mod verdict;
 
+pub use around::{VIEWS_AROUND, views_around};
 pub use baked_scene::{BakedScene, bake_checkpoint};
 pub use contribution::Contribution;
 pub use difference::{Difference, EXPORT_VIEWS, PSNR_TEST, evenly_spread};

@@ -215,7 +215,7 @@ fn unmeasured(scene: &BakedScene, goal: &RateGoal, report: &mut Report) -> Resul
             ));
         }
         (None, None) => {
-            let what = "the scene has no training cameras, so no loss was measured; the file is of quality \"custom\"";
+            let what = "the scene has no training cameras by which to choose steps: standard ones are used, and the file is of quality \"custom\"";
             report.warn("not-measured", 1, what);
             base
         }

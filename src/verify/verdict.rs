@@ -88,11 +88,7 @@ impl<'a> ExpectedImages<'a> {
         views: &'a [AssetCamera],
     ) -> Result<Self> {
         if views.is_empty() {
-            return Err(Error::Usage(
-                "the scene has no cameras to render from: verify a file made from it that has some, or name its \
-                 capture with --capture"
-                    .into(),
-            ));
+            return Err(Error::Usage("there is no view to render: the scene is empty".into()));
         }
         let whole = renderer.images(scene, views)?;
         let untextured = renderer.images(&scene.untextured(), views)?;
