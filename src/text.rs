@@ -52,6 +52,20 @@ pub fn message(text: &str) -> Cow<'_, str> {
     abridged(text, MESSAGE_CHARS_MAX)
 }
 
+/// A path as one word of a POSIX shell; a path that begins like an option gets a folder before it.
+pub fn shell_word(path: &Path) -> String {
+    let mut text = path.display().to_string();
+    if text.starts_with('-') {
+        text.insert_str(0, "./");
+    }
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "/._-+%:@".contains(c);
+    if !text.is_empty() && text.chars().all(is_plain) {
+        text
+    } else {
+        format!("'{}'", text.replace('\'', r"'\''"))
+    }
+}
+
 /// Text that a terminal shows and does not obey: control characters and those that reverse the direction of
 /// writing are escaped, but for those in `kept`.
 pub fn printable<'a>(text: &'a str, kept: &[char]) -> Cow<'a, str> {
@@ -136,5 +150,13 @@ mod tests {
         let long = path(Path::new(&format!("/captures/{}/a.png", "x".repeat(1 << 20))));
         assert!(long.starts_with("/captures/x") && long.ends_with("x/a.png") && long.len() < 500, "{long}");
         assert_eq!(path(Path::new("/captures/a.png")), "/captures/a.png");
+    }
+
+    #[test]
+    fn paths_are_quoted_for_the_shell() {
+        for (path, word) in [("a/b-1.jpg", "a/b-1.jpg"), ("-x", "./-x"), ("a b", "'a b'"), ("$(x)", "'$(x)'")]
+        {
+            assert_eq!(shell_word(Path::new(path)), word);
+        }
     }
 }
