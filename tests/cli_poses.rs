@@ -220,8 +220,13 @@ fn a_step_that_fails_is_named_with_its_log_and_the_next_run_goes_on_from_there()
     assert_made(&place, &text);
     let counts = ["feature_extractor", "matches_importer", "mapper"].map(|step| place.count(step));
     assert_eq!(counts, [2, 1, 2]);
-    let (code, text) = place.run(&PHOTOS);
-    assert!(code == 2 && text.contains("holds a capture already"), "{text}");
+    for (out, words) in
+        [("out folder", "holds a capture already"), ("bin", "is not empty"), ("calls", "is a file")]
+    {
+        let (code, text) = place.run(&["capture", "my photos", "-o", out]);
+        assert!(code == 2 && text.contains(words), "{text}");
+        assert!(!text.contains("takes about"), "no estimate of what is not done: {text}");
+    }
 }
 
 /// Kills a run while it matches pairs. The next run meets a lock as long as the first lives.

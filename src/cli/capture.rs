@@ -139,9 +139,11 @@ pub fn run(args: &CaptureArgs, log: &Log) -> Result<Output> {
         threads: rayon_threads(),
     };
     let plan = Plan::new(&args.inputs, &args.out, &settings)?;
+    log.report(plan.report());
     if args.print {
         return Ok(Output::text(plan.by_hand()));
     }
+    plan.check_place()?;
     plan.check_tools()?;
     log.info(&plan.describe());
     let start = Instant::now();
