@@ -11,8 +11,8 @@ pub(super) const SCALE_FILE: &str = "scale.json";
 const SCHEMA: &str = "litetex-scale/1";
 /// Largest file that is read.
 const SCALE_BYTES_MAX: u64 = 1 << 16;
-/// Digits of lengths. People measure three; more would only show how sums and products were rounded.
-const DIGITS: usize = 9;
+/// Digits of lengths: far more than anyone measures, and fewer than those that only show how a product was rounded.
+const DIGITS: usize = 12;
 
 /// How long a unit of a capture is, and how that was measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -139,7 +139,7 @@ mod tests {
         let feet = of(1.0, 3.0 * 0.3048).unwrap();
         assert_eq!((feet.metres, feet.metres_per_unit), (0.9144, 0.9144));
         assert!(feet.words().contains(" 0.9144 m "), "{}", feet.words());
-        assert_eq!(of(3.0, 1.0).unwrap().metres_per_unit, 0.333_333_333);
+        assert_eq!(of(3.0, 1.0).unwrap().metres_per_unit, 0.333_333_333_333);
         for (x, metres, words) in [
             (0.0, 1.0, "same place"),
             (1e300, 2.0, "units apart"),
