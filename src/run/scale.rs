@@ -45,9 +45,14 @@ impl Scale {
         let metres = rounded(metres, DIGITS);
         let metres_per_unit = rounded(metres / units, DIGITS);
         if !is_scale(metres_per_unit) {
+            let found = match units.is_finite() {
+                true => format!(
+                    "{units:.3e} units apart, and a unit of {metres_per_unit:.3e} m is more or less than files can hold"
+                ),
+                false => "further apart than can be told".to_owned(),
+            };
             return Err(usage!(
-                "--scale-from {from:?}: the two points are {units:.3e} units apart, and a unit of {metres_per_unit:.3e} m is more \
-                 or less than files can hold; check the points and their distance"
+                "--scale-from {from:?}: the two points are {found}; check them and their distance"
             ));
         }
         Ok(Self {
@@ -142,7 +147,7 @@ mod tests {
         assert_eq!(of(3.0, 1.0).unwrap().metres_per_unit, 0.333_333_333_333);
         for (x, metres, words) in [
             (0.0, 1.0, "same place"),
-            (1e300, 2.0, "units apart"),
+            (1e300, 2.0, "further apart"),
             (1e-100, 2.0, "units apart"),
             (1.0, 1e60, "units apart"),
         ] {
