@@ -52,6 +52,20 @@ pub fn message(text: &str) -> Cow<'_, str> {
     abridged(text, MESSAGE_CHARS_MAX)
 }
 
+/// A path as one word of a POSIX shell; a path that begins like an option gets a folder before it.
+pub fn shell_word(path: &Path) -> String {
+    let mut text = path.display().to_string();
+    if text.starts_with('-') {
+        text.insert_str(0, "./");
+    }
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "/._-+%:@".contains(c);
+    if !text.is_empty() && text.chars().all(is_plain) {
+        text
+    } else {
+        format!("'{}'", text.replace('\'', r"'\''"))
+    }
+}
+
 /// Text that a terminal shows and does not obey: control characters and those that reverse the direction of
 /// writing are escaped, but for those in `kept`.
 pub fn printable<'a>(text: &'a str, kept: &[char]) -> Cow<'a, str> {
@@ -71,6 +85,11 @@ pub fn printable<'a>(text: &'a str, kept: &[char]) -> Cow<'a, str> {
         }
     }
     Cow::Owned(out)
+}
+
+/// A number of at most this many significant digits, which are all that is printed of it.
+pub fn rounded(value: f64, digits: usize) -> f64 {
+    format!("{value:.*e}", digits.saturating_sub(1)).parse().unwrap_or(value)
 }
 
 /// "4.0 GiB".
@@ -125,6 +144,16 @@ mod tests {
     }
 
     #[test]
+    fn numbers_are_rounded_to_significant_digits() {
+        assert_eq!(
+            [rounded(3.0 * 0.3048, 9), rounded(123_456.0, 3), rounded(0.0, 3)],
+            [0.9144, 123_000.0, 0.0]
+        );
+        assert_eq!([rounded(-1.26e-20, 2), rounded(f64::INFINITY, 3)], [-1.3e-20, f64::INFINITY]);
+        assert!(rounded(f64::NAN, 3).is_nan());
+    }
+
+    #[test]
     fn names_from_files_are_escaped_and_shortened() {
         assert_eq!(printable("füchse 1\n", &['\n']), "füchse 1\n");
         assert_eq!(printable("a\u{1b}[31mb\u{9b}\n\u{202e}", &[]), "a\\u{1b}[31mb\\u{9b}\\n\\u{202e}");
@@ -136,5 +165,13 @@ mod tests {
         let long = path(Path::new(&format!("/captures/{}/a.png", "x".repeat(1 << 20))));
         assert!(long.starts_with("/captures/x") && long.ends_with("x/a.png") && long.len() < 500, "{long}");
         assert_eq!(path(Path::new("/captures/a.png")), "/captures/a.png");
+    }
+
+    #[test]
+    fn paths_are_quoted_for_the_shell() {
+        for (path, word) in [("a/b-1.jpg", "a/b-1.jpg"), ("-x", "./-x"), ("a b", "'a b'"), ("$(x)", "'$(x)'")]
+        {
+            assert_eq!(shell_word(Path::new(path)), word);
+        }
     }
 }

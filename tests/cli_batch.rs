@@ -287,7 +287,7 @@ mod signals {
         signal("-INT", parent.id());
         assert_eq!(parent.wait().unwrap().code(), Some(130));
         assert!(!runs(run) && !place.path("runs/b").exists());
-        assert_eq!(place.table(), rows(&[("a", "interrupted")]));
+        assert_eq!(place.table(), rows(&[("a", "interrupted"), ("b", "not-started")]));
         let summary = place.summary("a").unwrap();
         assert_eq!(summary["stopped_by"], "interrupted");
         let text = fs::read_to_string(place.path("log")).unwrap();
@@ -309,7 +309,7 @@ mod signals {
         parent.kill().unwrap();
         parent.wait().unwrap();
         wait_for("the end of the run", || !runs(run));
-        assert_eq!(place.table(), rows(&[("a", "started")]));
+        assert_eq!(place.table(), rows(&[("a", "started"), ("b", "not-started")]));
         let last = place.checkpoints("a").pop().unwrap();
         let name = last.file_stem().unwrap().to_str().unwrap();
         let done: u32 = name.strip_prefix("step-").unwrap().parse().unwrap();

@@ -233,6 +233,9 @@ fn formats_without_textures_tell_what_the_textures_were_good_for() {
         ];
         let table = good(&[&train[..], &short].concat());
         assert_eq!(table.contains(ADVICE), says, "{purpose}: {table}");
+        assert_eq!(table.contains("* against the untextured scene"), says, "{purpose}: {table}");
+        let row = table.lines().find(|line| line.trim_start().contains("engine.spz ")).unwrap_or_default();
+        assert!(says || row.matches(" dB").count() == 3 && !row.contains("textures"), "{table}");
     }
     let config = std::fs::read_to_string(at("engine").join("config.toml")).unwrap();
     for setting in ["policy = \"plain\"", "sh-below = 0.0", "filter = \"ewa\"", "max-splats = "] {

@@ -163,6 +163,8 @@ fn assert_made(place: &Place, text: &str) {
     assert_eq!(names(&out.join("sparse")), ["0"]);
     assert_eq!(fs::read(out.join("sparse/0/images.bin")).unwrap()[0], 3);
     assert!(text.contains("have poses"), "{text}");
+    let next = text.split_once("next: ").map(|(_, next)| next.lines().next().unwrap());
+    assert!(next.is_none_or(|next| next == "litetex train 'out folder' -o RUN"), "{text}");
 }
 
 #[test]
@@ -218,8 +220,13 @@ fn a_step_that_fails_is_named_with_its_log_and_the_next_run_goes_on_from_there()
     assert_made(&place, &text);
     let counts = ["feature_extractor", "matches_importer", "mapper"].map(|step| place.count(step));
     assert_eq!(counts, [2, 1, 2]);
-    let (code, text) = place.run(&PHOTOS);
-    assert!(code == 2 && text.contains("holds a capture already"), "{text}");
+    for (out, words) in
+        [("out folder", "holds a capture already"), ("bin", "is not empty"), ("calls", "is a file")]
+    {
+        let (code, text) = place.run(&["capture", "my photos", "-o", out]);
+        assert!(code == 2 && text.contains(words), "{text}");
+        assert!(!text.contains("takes about"), "no estimate of what is not done: {text}");
+    }
 }
 
 /// Kills a run while it matches pairs. The next run meets a lock as long as the first lives.
@@ -288,6 +295,14 @@ fn missing_programs_are_named_with_what_to_install_and_print_shows_the_commands(
     for words in ["feature_extractor", "matches_importer", "mapper", "litetex train 'out folder' -o RUN"] {
         assert!(text.contains(words), "{words}: {text}");
     }
+    assert!(!text.contains("ImageMagick"), "no photo is turned: {text}");
+    image::RgbImage::new(40, 30).save(place.path("my photos/t.tif")).unwrap();
+    let (_, text) = place.run(&[&PHOTOS[..], &["--print"]].concat());
+    assert!(text.contains("# ImageMagick, which turns") && text.contains("-auto-orient"), "{text}");
+    let place = place.program("convert", "");
+    let (_, text) = place.run(&[&PHOTOS[..], &["--print"]].concat());
+    let convert = format!("{} 'my photos/t.tif' -auto-orient", place.path("bin/convert").display());
+    assert!(text.contains(&convert) && !text.contains("# ImageMagick"), "{text}");
     place.write("clip.mp4", "");
     let (code, text) = place.run(&["capture", "clip.mp4", "-o", "v"]);
     assert!(

@@ -2,6 +2,7 @@
 
 use super::extensions::{self, DEPTH_MAX, VIDEOS};
 use super::paths;
+use crate::text::shell_word;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::Read as _;
@@ -103,24 +104,11 @@ pub(super) fn for_image(file: &Path) -> Option<String> {
     File::open(file).and_then(|mut f| f.read_exact(&mut head)).ok()?;
     let (_, format) = BRANDS.iter().find(|(brand, _)| head[4..8] == *b"ftyp" && head[8..] == brand[..])?;
     Some(format!(
-        "{format} is not read; convert it with ImageMagick: magick {} {}",
+        "{format} is not read; convert it with ImageMagick (\"convert\" in place of \"magick\" in version 6, as Debian 12 has it): \
+         magick {} {}",
         shell_word(file),
         shell_word(&file.with_extension("jpg"))
     ))
-}
-
-/// A path as one word of a POSIX shell; a path that begins like an option gets a folder before it.
-pub(crate) fn shell_word(path: &Path) -> String {
-    let mut text = path.display().to_string();
-    if text.starts_with('-') {
-        text.insert_str(0, "./");
-    }
-    let is_plain = |c: char| c.is_ascii_alphanumeric() || "/._-+%:@".contains(c);
-    if !text.is_empty() && text.chars().all(is_plain) {
-        text
-    } else {
-        format!("'{}'", text.replace('\'', r"'\''"))
-    }
 }
 
 #[cfg(test)]
@@ -186,13 +174,5 @@ mod tests {
         }
         std::fs::write(&file, b"\0\0\0\x18ftypisom\0\0\0\0").unwrap();
         assert_eq!(for_image(&file), None, "negative control: a video");
-    }
-
-    #[test]
-    fn paths_are_quoted_for_the_shell() {
-        for (path, word) in [("a/b-1.jpg", "a/b-1.jpg"), ("-x", "./-x"), ("a b", "'a b'"), ("$(x)", "'$(x)'")]
-        {
-            assert_eq!(shell_word(Path::new(path)), word);
-        }
     }
 }

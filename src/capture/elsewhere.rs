@@ -1,9 +1,9 @@
 //! Looks for poses in the folders in and around the one that the user named, for the message that there are none here.
 
-use super::advice::shell_word;
 use super::options::CaptureFormat;
 use super::source::first_paths;
 use crate::Report;
+use crate::text::shell_word;
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 

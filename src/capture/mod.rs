@@ -56,7 +56,6 @@ mod warp;
 mod warp_tests;
 mod zipped;
 
-pub(crate) use advice::shell_word;
 pub use decode::read_image;
 pub use extensions::is_read as is_image_name;
 pub use formats::ply::read_points as read_ply_points;

@@ -1,13 +1,12 @@
 //! The photos and masks of the views of a capture: which file belongs to which, and which views have none.
 
-use super::advice::shell_word;
 use super::claims;
 use super::folder::CaptureFolder;
 use super::options::LoadOptions;
 use super::paths::{is_inside, is_there};
 use super::photo_folder::{Match, PhotoFolder};
 use super::source::{Source, UnusedView, Why, first_names, first_paths};
-use crate::text::{self, quoted};
+use crate::text::{self, quoted, shell_word};
 use crate::{Error, Report, Result};
 use std::collections::{BTreeSet, HashSet};
 use std::path::{Path, PathBuf};

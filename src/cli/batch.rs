@@ -85,6 +85,7 @@ pub fn run(args: &TrainArgs, log: &Log) -> Result<Output> {
     check(args, &runs)?;
     let out = args.out.as_deref().unwrap_or(Path::new("."));
     let table = BatchTable::open(out)?;
+    table.expect(&runs)?;
     let interrupt = Interrupt::listen(log, "saving the run in progress; no other begins")?;
     if parts > 1 {
         log.info(&format!("part {part} of {parts}: {} of {}", runs.len(), counted(count, "capture")));

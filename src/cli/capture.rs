@@ -6,7 +6,7 @@ use litetex_gs::Result;
 use litetex_gs::console::values::whole;
 use litetex_gs::console::{Interrupt, Log, Output, Table, path_text};
 use litetex_gs::structure_from_motion::{Observer, Plan, PoseQuality, Settings};
-use litetex_gs::text::format_duration;
+use litetex_gs::text::{format_duration, shell_word};
 use serde_json::json;
 use std::cell::RefCell;
 use std::path::PathBuf;
@@ -139,9 +139,11 @@ pub fn run(args: &CaptureArgs, log: &Log) -> Result<Output> {
         threads: rayon_threads(),
     };
     let plan = Plan::new(&args.inputs, &args.out, &settings)?;
+    log.report(plan.report());
     if args.print {
         return Ok(Output::text(plan.by_hand()));
     }
+    plan.check_place()?;
     plan.check_tools()?;
     log.info(&plan.describe());
     let start = Instant::now();
@@ -164,7 +166,7 @@ pub fn run(args: &CaptureArgs, log: &Log) -> Result<Output> {
     let last = format!("{registered} of {} photos have poses ({percent} %)", made.photos);
     let remedy = (share < REGISTERED_MIN).then(|| remedy(args));
     let text = match &remedy {
-        None => format!("{table}{last}; next: litetex train {} -o RUN\n", args.out.display()),
+        None => format!("{table}{last}; next: litetex train {} -o RUN\n", shell_word(&args.out)),
         Some(remedy) => format!("{table}{last}: {remedy}\n"),
     };
     let found = json!({

@@ -10,6 +10,7 @@ use litetex_gs::console::values::whole;
 use litetex_gs::console::{Log, Output};
 use litetex_gs::run::{check_empty, is_run};
 use litetex_gs::sample::{SampleOptions, write_sample};
+use litetex_gs::text::shell_word;
 use litetex_gs::{Error, Result, usage};
 use std::path::{Path, PathBuf};
 
@@ -63,14 +64,19 @@ pub fn run(args: &QuickstartArgs, log: &Log) -> Result<Output> {
     let files = EXPORTS.map(|extension| args.out.join(format!("{NAME}.{extension}")));
     let (scene, trained) = load_scene(&run, log)?;
     let exports = export_files::write_all((scene, trained.as_ref()), &files, &asset, "cpu", log)?.output();
-    let (capture, run, out_folder) = (capture.display(), run.display(), args.out.display());
+    let word = |path: &str| shell_word(&args.out.join(path));
+    let shown = |path: &Path| path.display().to_string();
+    let (of_run, of_capture) = (shown(&run), shown(&capture));
+    let (orbit, views, asset) =
+        (word(&format!("{RUN}/orbit")), word(&format!("{RUN}/views")), word(&format!("{NAME}.ltgs")));
+    let (run, capture) = (shell_word(&run), shell_word(&capture));
     let next = Output::text(format!(
-        "Compare  {run}/eval/{:06}/ (images; error/ holds error maps) with {capture}/images/\n\
+        "Compare  {of_run}/eval/{:06}/ (images; error/ holds error maps) with {of_capture}/images/\n\
          Then try\n  \
-         litetex render {run} --orbit 60 -o {run}/orbit\n  \
-         litetex render {run} --test --what colour,depth,normal -o {run}/views\n  \
+         litetex render {run} --orbit 60 -o {orbit}\n  \
+         litetex render {run} --test --what colour,depth,normal -o {views}\n  \
          litetex inspect {run}\n  \
-         litetex verify {out_folder}/still-life.ltgs --against {run}\n  \
+         litetex verify {asset} --against {run}\n  \
          litetex train {capture} -o runs/untextured --for engine --steps {}\n  \
          litetex train <your COLMAP or nerfstudio folder> -o runs/mine --time 10m\n  \
          litetex view {run}\n",

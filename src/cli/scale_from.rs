@@ -6,7 +6,7 @@ use litetex_gs::camera::Camera;
 use litetex_gs::capture::Capture;
 use litetex_gs::console::Log;
 use litetex_gs::run::{Scale, Trained};
-use litetex_gs::text::quoted;
+use litetex_gs::text::{quoted, rounded};
 use litetex_gs::verify::BakedScene;
 use litetex_gs::views::ViewSource as _;
 use litetex_gs::{Result, usage};
@@ -14,6 +14,9 @@ use litetex_gs::{Result, usage};
 /// Smallest angle between two rays that tells a depth, degrees: at 1, an error of a pixel moves the point by a tenth of its depth
 /// in a photo of 600 pixels focal length.
 const ANGLE_MIN_DEG: f64 = 1.0;
+
+/// Digits of lengths in messages.
+const DIGITS_SHOWN: usize = 6;
 /// Largest distance of a triangulated point from what was marked, as a share of the image's longer side. A choice (measured in the
 /// test below: marks 3 pixels off in images of 800 pixels are all taken, of pairs that show different points 22 %).
 const MISS_MAX: f64 = 0.02;
@@ -70,7 +73,7 @@ fn parse_length(text: &str) -> Result<f64, String> {
     if metres.is_normal() && metres > 0.0 {
         Ok(metres)
     } else {
-        Err(format!("{text:?}: the distance must be above 0"))
+        Err(format!("{text:?}: the distance must be above 0 and finite"))
     }
 }
 
@@ -153,7 +156,8 @@ pub fn measure(
              are far from each other"
         ));
     }
-    log.info(&format!("the points are {units:.6} units of the capture apart: a unit is {factor:.6} m"));
+    let (units, factor) = (rounded(units, DIGITS_SHOWN), rounded(factor, DIGITS_SHOWN));
+    log.info(&format!("the points are {units} units of the capture apart: a unit is {factor} m"));
     Ok(scale)
 }
 

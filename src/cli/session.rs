@@ -6,7 +6,7 @@ use super::progress::{Progress, StepFigures};
 use litetex_gs::Result;
 use litetex_gs::console::{Interrupt, Log};
 use litetex_gs::run::Recorder;
-use litetex_gs::text::format_duration;
+use litetex_gs::text::{format_duration, shell_word};
 use litetex_gs::train::{Control, TrainEvent};
 use std::path::Path;
 
@@ -91,7 +91,7 @@ impl<'a> Session<'a> {
             let message = format!(
                 "the run failed after it was saved in {}; fix the cause and continue with: litetex train --resume {}",
                 saved.display(),
-                run.display()
+                shell_word(run)
             );
             self.log.warn("saved-before-failure", &message, 1);
         }

@@ -25,6 +25,8 @@ const WRITES_MAX: usize = 100;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum RowStatus {
+    /// It is to be trained by a batch that has begun; if none is running, the batch ended before.
+    NotStarted,
     /// It has begun; if nothing is running, it was killed together with the batch.
     Started,
     /// It has its result.
@@ -39,6 +41,7 @@ impl RowStatus {
     /// The status as `table.json` has it.
     pub fn name(self) -> &'static str {
         match self {
+            Self::NotStarted => "not-started",
             Self::Started => "started",
             Self::Done => "done",
             Self::Failed => "failed",
@@ -81,6 +84,11 @@ pub struct Row {
 }
 
 impl Row {
+    /// A run whose turn has not come.
+    pub fn not_started(run: &BatchRun) -> Self {
+        Self { status: RowStatus::NotStarted, ..Self::started(run) }
+    }
+
     /// A run that has begun.
     pub fn started(run: &BatchRun) -> Self {
         Self {
@@ -188,11 +196,27 @@ impl BatchTable {
     /// # Errors
     /// [`Error::Io`].
     pub fn record(&self, row: &Row) -> Result<()> {
+        self.keep(row)?;
+        self.write()
+    }
+
+    fn keep(&self, row: &Row) -> Result<()> {
         let record = self.folder.join(RECORDS).join(format!("{}.json", row.run));
         atomic_file::write(
             &record,
             &serde_json::to_vec_pretty(row).map_err(|e| Error::io(&record, e.into()))?,
         )?;
+        Ok(())
+    }
+
+    /// Records runs whose turn has not come. What is known of them from before stays.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn expect(&self, runs: &[BatchRun]) -> Result<()> {
+        let known = self.rows()?;
+        let is_new = |run: &&BatchRun| known.iter().all(|row| row.run != run.name);
+        runs.iter().filter(is_new).try_for_each(|run| self.keep(&Row::not_started(run)))?;
         self.write()
     }
 
@@ -252,8 +276,8 @@ fn to_markdown(rows: &[Row]) -> String {
         text += &line(&cells);
     }
     let count = |status| rows.iter().filter(|row| row.status == status).count();
-    let others =
-        [RowStatus::Failed, RowStatus::Interrupted, RowStatus::Started].map(|s| (count(s), s.name()));
+    let others = [RowStatus::Failed, RowStatus::Interrupted, RowStatus::Started, RowStatus::NotStarted]
+        .map(|s| (count(s), s.name()));
     text += &format!("\n{} of {} done", count(RowStatus::Done), rows.len());
     for (count, name) in others.into_iter().filter(|(count, _)| *count > 0) {
         text += &format!(", {count} {name}");
@@ -293,6 +317,20 @@ mod tests {
         assert_eq!(json["schema"], SCHEMA);
         assert_eq!((&json["runs"][1]["exit_code"], &json["runs"][0]["exit_code"]), (&3.into(), &130.into()));
         assert_eq!(json["runs"][1]["error"], "a | b: no\nsuch");
+    }
+
+    #[test]
+    fn runs_whose_turn_has_not_come_are_counted_and_keep_what_is_known() {
+        let dir = tempfile::tempdir().unwrap();
+        let table = BatchTable::open(dir.path()).unwrap();
+        let runs = runs(3);
+        table.record(&Row::failed(&runs[1], Some(3), "no".to_owned())).unwrap();
+        table.expect(&runs).unwrap();
+        table.record(&Row::interrupted(&runs[0])).unwrap();
+        let status: Vec<RowStatus> = table.rows().unwrap().iter().map(|row| row.status).collect();
+        assert_eq!(status, [RowStatus::Interrupted, RowStatus::Failed, RowStatus::NotStarted]);
+        let text = fs::read_to_string(table.markdown()).unwrap();
+        assert!(text.contains("0 of 3 done, 1 failed, 1 interrupted, 1 not-started."), "{text}");
     }
 
     #[test]

@@ -12,8 +12,11 @@ use std::time::{Duration, Instant};
 const POLL: Duration = Duration::from_millis(20);
 /// After a Ctrl-C ended a run, time within which this process gets its own.
 const INTERRUPT_GRACE: Duration = Duration::from_millis(500);
-/// Exit code of an interrupted training.
+/// Exit codes of an interrupted training, and of arguments that cannot be meant so.
 const INTERRUPTED: i32 = 130;
+const USAGE: i32 = 2;
+/// What Rust programs write when they crash.
+const PANICS: [&str; 2] = ["panicked at", "memory allocation of"];
 /// Lines of messages that are kept, and characters of them in the message of a failed run.
 const LINES_KEPT: usize = 40;
 const MESSAGE_CHARS_MAX: usize = 2000;
@@ -138,18 +141,31 @@ fn read_lines(said: impl Read, on_line: &mut (dyn FnMut(&str) + Send)) -> VecDeq
     lines
 }
 
-/// What a failed process said last.
+/// Why a process failed: the signal that ended it, or the error that it wrote.
 fn message(lines: &VecDeque<String>, status: ExitStatus) -> String {
-    match (status.code(), error_in(lines)) {
+    let code = status.code();
+    let said = error_in(lines, code).map(|said| said.chars().take(MESSAGE_CHARS_MAX).collect::<String>());
+    match (code, said) {
         (Some(0), _) => String::new(),
-        (_, Some(said)) => said.chars().take(MESSAGE_CHARS_MAX).collect(),
+        (Some(_), Some(said)) => said,
         (Some(code), None) => format!("exit code {code} without a message"),
-        (None, None) => format!("killed by the system ({status}); out of memory?"),
+        // It comes from outside: no line of the process is its reason.
+        (None, _) if status.to_string().contains("SIGKILL") => {
+            format!("killed by the system ({status}); out of memory?")
+        }
+        // A crash, which may have said why.
+        (None, said) => {
+            format!(
+                "ended by the system ({status}){}",
+                said.map_or_else(String::new, |said| format!(": {said}"))
+            )
+        }
     }
 }
 
-/// The last error among messages, as text or as JSON, without its mark; or the beginning of a panic.
-fn error_in(lines: &VecDeque<String>) -> Option<String> {
+/// The last error of our own among messages, as text or as JSON, without its mark; or the beginning of a panic. Libraries and drivers
+/// write lines that begin with `error:` and go on; of ours, only those about arguments do, and only they end with that exit code.
+fn error_in(lines: &VecDeque<String>, code: Option<i32>) -> Option<String> {
     let of_json = |line: &String| {
         let event: Value = serde_json::from_str(line).ok().filter(|_| line.starts_with('{'))?;
         (event["event"] == "error").then(|| event["message"].as_str().unwrap_or_default().to_owned())
@@ -157,7 +173,11 @@ fn error_in(lines: &VecDeque<String>) -> Option<String> {
     if let Some(message) = lines.iter().rev().find_map(of_json) {
         return Some(message);
     }
-    let at = lines.iter().rposition(|line| without_mark(line).is_some() || line.contains("panicked at"))?;
+    let is_reason = |line: &String| {
+        let is_marked = line.starts_with("error[") || code == Some(USAGE);
+        is_marked && without_mark(line).is_some() || PANICS.iter().any(|words| line.contains(words))
+    };
+    let at = lines.iter().rposition(is_reason)?;
     // A message may have several lines, for example about a mistake in a TOML file.
     let text = lines.range(at..).map(String::as_str).collect::<Vec<_>>().join("\n");
     Some(without_mark(&text).unwrap_or(&text).trim().to_owned())
@@ -178,8 +198,14 @@ mod tests {
 
     #[test]
     fn the_last_error_is_found_among_messages() {
-        let of = |said: &str| error_in(&said.lines().map(str::to_owned).collect());
-        assert_eq!(of("step 1/3\nerror: a: no\nmore").as_deref(), Some("a: no\nmore"));
+        let with = |said: &str, code| error_in(&said.lines().map(str::to_owned).collect(), code);
+        let of = |said: &str| with(said, Some(3));
+        let usage = "error: unexpected argument\n\nUsage: litetex";
+        assert_eq!(with(usage, Some(2)).as_deref(), usage.strip_prefix("error: "));
+        // What a driver wrote before the training began.
+        let driver = "error: no desktop\nstep 1/3";
+        assert_eq!([of(driver), with(driver, None)], [None, None]);
+        assert_eq!(of(&format!("{driver}\nerror[io]: a: no\nmore")).as_deref(), Some("a: no\nmore"));
         assert_eq!(of("warning[x]: y\nerror[usage]: a: no").as_deref(), Some("a: no"));
         assert_eq!(of("{\"event\":\"error\",\"message\":\"m\"}\n{}").as_deref(), Some("m"));
         assert_eq!(
@@ -210,6 +236,16 @@ mod tests {
         assert_eq!(run("exit 0", None, false, Stop::Kill).0, End::Exit(Some(0), String::new()));
         let End::Exit(None, killed) = run("kill -9 $$", None, false, Stop::Kill).0 else { panic!() };
         assert!(killed.contains("signal"), "{killed}");
+        let driver = "echo 'error: no desktop' >&2; echo step 1 >&2; kill";
+        let ended = |signal: &str| match run(&format!("{driver} {signal} $$"), None, false, Stop::Kill).0 {
+            End::Exit(None, message) => message,
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(ended("-9"), "killed by the system (signal: 9 (SIGKILL)); out of memory?");
+        assert_eq!(ended("-11"), "ended by the system (signal: 11 (SIGSEGV))");
+        let crash = "echo \"thread 'main' panicked at x\" >&2; ulimit -c 0; kill -6 $$";
+        let End::Exit(None, crashed) = run(crash, None, false, Stop::Kill).0 else { panic!() };
+        assert_eq!(crashed, "ended by the system (signal: 6 (SIGABRT)): thread 'main' panicked at x");
         assert_eq!(run("exec sleep 60", Some(0.1), false, Stop::Kill).0, End::TimedOut);
         assert_eq!(run("exec sleep 60", None, true, Stop::Kill).0, End::Interrupted);
         let (end, lines) = run("cat; echo saved >&2; exit 130", None, true, Stop::EndOfInput);

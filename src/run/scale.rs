@@ -1,5 +1,6 @@
 //! The scale of a run, as it was measured: a small file in its folder that all exports heed.
 
+use crate::text::rounded;
 use crate::{Error, Result, atomic_file, input_file};
 use litetex_exporters::METRES;
 use serde::{Deserialize, Serialize};
@@ -10,6 +11,8 @@ pub(super) const SCALE_FILE: &str = "scale.json";
 const SCHEMA: &str = "litetex-scale/1";
 /// Largest file that is read.
 const SCALE_BYTES_MAX: u64 = 1 << 16;
+/// Digits of lengths: far more than anyone measures, and fewer than those that only show how a product was rounded.
+const DIGITS: usize = 12;
 
 /// How long a unit of a capture is, and how that was measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -30,14 +33,26 @@ impl Scale {
     /// The scale at which two points have this distance.
     ///
     /// # Errors
-    /// [`Error::Usage`] if the points coincide, or no scale is that small or large.
+    /// [`Error::Usage`] if the points coincide, or no file can hold a scale that is that small or large.
     pub fn of(from: &str, points_in_capture: [[f64; 3]; 2], metres: f64) -> Result<Self> {
         let [a, b] = points_in_capture.map(glam::DVec3::from);
         let units = a.distance(b);
-        let metres_per_unit = metres / units;
-        if units == 0.0 || !metres_per_unit.is_normal() {
+        if units == 0.0 {
             return Err(usage!(
                 "--scale-from {from:?}: the two points lie at the same place; choose two that are far from each other"
+            ));
+        }
+        let metres = rounded(metres, DIGITS);
+        let metres_per_unit = rounded(metres / units, DIGITS);
+        if !is_scale(metres_per_unit) {
+            let found = match units.is_finite() {
+                true => format!(
+                    "{units:.3e} units apart, and a unit of {metres_per_unit:.3e} m is more or less than files can hold"
+                ),
+                false => "further apart than can be told".to_owned(),
+            };
+            return Err(usage!(
+                "--scale-from {from:?}: the two points are {found}; check them and their distance"
             ));
         }
         Ok(Self {
@@ -69,9 +84,10 @@ impl Scale {
         if scale.schema != SCHEMA {
             return Err(invalid!(&path, "schema {:?}, expected {SCHEMA:?}; {remedy}", scale.schema));
         }
-        if !(scale.metres_per_unit.is_normal() && scale.metres_per_unit > 0.0) {
+        if !is_scale(scale.metres_per_unit) {
             let found = scale.metres_per_unit;
-            return Err(invalid!(&path, "metres_per_unit is {found}, expected a positive number; {remedy}"));
+            let expected = "a positive number that a file can hold as f32";
+            return Err(invalid!(&path, "metres_per_unit is {found}, expected {expected}; {remedy}"));
         }
         Ok(Some(scale))
     }
@@ -100,6 +116,11 @@ impl Scale {
     }
 }
 
+/// Whether positions times this number are positions that files can hold, which do it as f32.
+fn is_scale(metres_per_unit: f64) -> bool {
+    (metres_per_unit as f32).is_normal() && metres_per_unit > 0.0
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -115,6 +136,23 @@ mod tests {
         std::fs::write(folder.path().join(SCALE_FILE), "{}").unwrap();
         assert_eq!(Scale::read(folder.path()).unwrap_err().exit_code(), 3);
         assert!(Scale::remove(folder.path()).unwrap() && !Scale::remove(folder.path()).unwrap());
-        assert_eq!(Scale::of("x", [[1.0; 3]; 2], 1.0).unwrap_err().exit_code(), 2);
+    }
+
+    #[test]
+    fn lengths_have_few_digits_and_errors_say_what_is_wrong() {
+        let of = |x: f64, metres: f64| Scale::of("x", [[0.0; 3], [x, 0.0, 0.0]], metres);
+        let feet = of(1.0, 3.0 * 0.3048).unwrap();
+        assert_eq!((feet.metres, feet.metres_per_unit), (0.9144, 0.9144));
+        assert!(feet.words().contains(" 0.9144 m "), "{}", feet.words());
+        assert_eq!(of(3.0, 1.0).unwrap().metres_per_unit, 0.333_333_333_333);
+        for (x, metres, words) in [
+            (0.0, 1.0, "same place"),
+            (1e300, 2.0, "further apart"),
+            (1e-100, 2.0, "units apart"),
+            (1.0, 1e60, "units apart"),
+        ] {
+            let error = of(x, metres).unwrap_err();
+            assert!(error.exit_code() == 2 && error.to_string().contains(words), "{error}");
+        }
     }
 }

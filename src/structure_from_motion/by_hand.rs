@@ -3,12 +3,13 @@
 use super::camera::Camera;
 use super::child::Command;
 use super::engine::{Engine, Job, SCRIPT, Step};
+use super::install::{Program, System, advice};
 use super::pairs::{EVERY, EXHAUSTIVE_MAX, NEXT};
 use super::photos::{Photo, cameras};
 use super::settings::Settings;
 use super::tools::{Ffmpeg, Tools};
 use super::video::Video;
-use crate::capture::shell_word;
+use crate::text::shell_word;
 use std::collections::BTreeSet;
 use std::path::Path;
 
@@ -56,6 +57,10 @@ pub fn commands(material: &Material, tools: &Tools, settings: &Settings, capture
             let inner = photos.iter().filter_map(|photo| Path::new(&photo.name).parent());
             for folder in inner.filter(|f| !f.as_os_str().is_empty()).collect::<BTreeSet<_>>() {
                 text.push_str(&format!("mkdir -p {}\n", shell_word(&images.join(folder))));
+            }
+            if photos.iter().any(Photo::is_rewritten) && !tools.has_magick() {
+                let advice = advice(&[Program::ImageMagick], System::current());
+                text.extend(advice.lines().map(|line| format!("# {line}\n")));
             }
             for photo in *photos {
                 text.push_str(&format!("{}\n", photo.by_hand(tools, &images.join(&photo.name))));

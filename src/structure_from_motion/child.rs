@@ -1,6 +1,6 @@
 //! Programs that we start: their arguments, their output, how they end. No shell is involved.
 
-use crate::capture::shell_word;
+use crate::text::shell_word;
 use crate::{Error, Result};
 use std::ffi::OsString;
 use std::fs::File;

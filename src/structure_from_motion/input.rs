@@ -20,8 +20,8 @@ pub struct Named {
 #[derive(Clone, Debug, PartialEq)]
 pub enum Input {
     Video(PathBuf),
-    /// In the order of their names.
-    Photos(Vec<Named>),
+    /// In the order of their names, and the videos that lie beside them, which nobody named.
+    Photos(Vec<Named>, Vec<PathBuf>),
 }
 
 impl Input {
@@ -31,15 +31,14 @@ impl Input {
     /// [`Error::Usage`], [`Error::Io`], [`Error::InvalidInput`] for too few photos, [`Error::Unsupported`] for files that are
     /// neither.
     pub fn find(paths: &[PathBuf], skipped: &Path) -> Result<Self> {
-        let (mut videos, mut photos) = (Vec::new(), Vec::new());
+        let (mut videos, mut photos, mut beside) = (Vec::new(), Vec::new(), Vec::new());
         for path in paths {
             let facts = std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
             if facts.is_dir() {
-                let mut inner = Vec::new();
-                photos_in(path, 1, skipped, &mut inner)?;
-                if inner.is_empty() {
-                    videos.extend(entries(path)?.into_iter().filter(|p| is_of(p, &VIDEOS)));
-                }
+                let (mut inner, mut clips) = (Vec::new(), Vec::new());
+                files_in(path, 1, skipped, &mut inner, &mut clips)?;
+                // Cameras and phones put short videos beside photos.
+                if inner.is_empty() { &mut videos } else { &mut beside }.extend(clips);
                 photos.extend(inner);
             } else if is_of(path, &VIDEOS) {
                 videos.push(path.clone());
@@ -63,7 +62,7 @@ impl Input {
                 "{} only; poses need at least {PHOTOS_MIN}, and 50 to 300 are best",
                 crate::text::counted(photos.len(), "photo")
             )),
-            ([], _) => Ok(Self::Photos(named(photos))),
+            ([], _) => Ok(Self::Photos(named(photos), beside)),
             ([_, other, ..], 0) => Err(usage!("{}: a second video; make a capture of each", other.display())),
             ([video, ..], _) => {
                 Err(usage!("{}: found a video and photos, expected one of them", video.display()))
@@ -83,15 +82,24 @@ fn entries(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(all)
 }
 
-fn photos_in(folder: &Path, depth: usize, skipped: &Path, found: &mut Vec<PathBuf>) -> Result<()> {
+/// The photos and the videos in a folder and those inside it.
+fn files_in(
+    folder: &Path,
+    depth: usize,
+    skipped: &Path,
+    photos: &mut Vec<PathBuf>,
+    videos: &mut Vec<PathBuf>,
+) -> Result<()> {
     for path in entries(folder)? {
         let is_skipped = || path.canonicalize().is_ok_and(|p| skipped.canonicalize().is_ok_and(|s| s == p));
         if path.is_dir() {
             if depth < DEPTH_MAX && !is_skipped() {
-                photos_in(&path, depth + 1, skipped, found)?;
+                files_in(&path, depth + 1, skipped, photos, videos)?;
             }
         } else if is_of(&path, &READ) || is_of(&path, &CONVERTED) {
-            found.push(path);
+            photos.push(path);
+        } else if is_of(&path, &VIDEOS) {
+            videos.push(path);
         }
     }
     Ok(())
@@ -147,7 +155,7 @@ mod tests {
 
     fn stems(found: Result<Input>) -> Vec<String> {
         match found.unwrap() {
-            Input::Photos(photos) => photos.into_iter().map(|p| p.stem).collect(),
+            Input::Photos(photos, _) => photos.into_iter().map(|p| p.stem).collect(),
             Input::Video(video) => vec![video.file_name().unwrap().to_str().unwrap().to_owned()],
         }
     }
@@ -160,6 +168,19 @@ mod tests {
             stems(find(&["a.jpg", "b.PNG", "c.avif"], &["a.jpg", "b.PNG", "c.avif"])),
             ["a", "b", "c"]
         );
+    }
+
+    #[test]
+    fn videos_beside_photos_are_told() {
+        let beside = |files: &[&str]| match find(files, &["."]).unwrap() {
+            Input::Photos(_, videos) => videos.len(),
+            Input::Video(_) => panic!("a video"),
+        };
+        let photos = ["p/1.jpg", "p/2.jpg", "p/3.jpg"];
+        assert_eq!(beside(&photos), 0);
+        let videos = ["p/1.MOV", "clips/a.mp4", "capture/b.mp4", "p/._1.MOV", "p/notes.txt"];
+        assert_eq!(beside(&[&photos[..], &videos].concat()), 2);
+        assert_eq!(stems(find(&["clips/day/a.mp4"], &["clips"])), ["a.mp4"]);
     }
 
     #[test]

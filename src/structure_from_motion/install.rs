@@ -5,6 +5,7 @@
 pub enum Program {
     Ffmpeg,
     HeifConvert,
+    ImageMagick,
     Pycolmap,
 }
 
@@ -51,6 +52,7 @@ impl Program {
         match self {
             Self::Ffmpeg => "ffmpeg, which reads videos",
             Self::HeifConvert => "heif-convert or ImageMagick, which decode HEIC and AVIF",
+            Self::ImageMagick => "ImageMagick, which turns and converts photos in commands by hand,",
             Self::Pycolmap => "pycolmap 4 or COLMAP 3.8, either of which finds the poses",
         }
     }
@@ -68,8 +70,16 @@ impl Program {
             (Self::HeifConvert, S::Fedora) => &["sudo dnf install libheif-tools"],
             (Self::HeifConvert, S::Arch) => &["sudo pacman -S libheif"],
             (Self::HeifConvert, S::Mac) => &["brew install libheif"],
-            (Self::HeifConvert, S::Windows) => &["winget install ImageMagick.ImageMagick"],
-            (Self::Ffmpeg | Self::HeifConvert, S::OtherLinux) => &["(the package of your system)"],
+            (Self::HeifConvert | Self::ImageMagick, S::Windows) => {
+                &["winget install ImageMagick.ImageMagick"]
+            }
+            (Self::ImageMagick, S::Debian) => &["sudo apt install imagemagick"],
+            (Self::ImageMagick, S::Fedora) => &["sudo dnf install ImageMagick"],
+            (Self::ImageMagick, S::Arch) => &["sudo pacman -S imagemagick"],
+            (Self::ImageMagick, S::Mac) => &["brew install imagemagick"],
+            (Self::Ffmpeg | Self::HeifConvert | Self::ImageMagick, S::OtherLinux) => {
+                &["(the package of your system)"]
+            }
             (Self::Pycolmap, S::Windows) => &[
                 "py -m venv litetex-python",
                 "litetex-python\\Scripts\\pip install pycolmap",
@@ -88,6 +98,14 @@ impl Program {
                 "export LITETEX_PYTHON=~/litetex-python/bin/python",
             ],
         }
+    }
+}
+
+/// The command of ImageMagick once it is installed: Debian 12 and its kin have version 6, which has no `magick`.
+pub const fn magick_name(system: System) -> &'static str {
+    match system {
+        System::Debian => "convert",
+        _ => "magick",
     }
 }
 
@@ -122,9 +140,11 @@ mod tests {
                 assert!(page.contains(command), "docs/first-scene.md lacks {command}");
             }
         }
-        let all = [Program::Ffmpeg, Program::HeifConvert, Program::Pycolmap];
+        let all = [Program::Ffmpeg, Program::HeifConvert, Program::ImageMagick, Program::Pycolmap];
         let debian = advice(&all, System::Debian);
-        for words in ["sudo apt install ffmpeg", "libheif-examples", "pip install pycolmap"] {
+        for words in
+            ["sudo apt install ffmpeg", "libheif-examples", "install imagemagick", "pip install pycolmap"]
+        {
             assert!(debian.contains(words), "{debian}");
         }
         assert!(advice(&all[..1], System::Mac).contains("brew") && advice(&[], System::Mac).is_empty());

@@ -98,15 +98,18 @@ impl Photo {
         self.way == Way::Converted
     }
 
+    /// Whether a person needs ImageMagick for [`Self::write`].
+    pub fn is_rewritten(&self) -> bool {
+        self.way == Way::Rewritten
+    }
+
     /// The command that a person would use for [`Self::write`], to a file of this path.
     pub fn by_hand(&self, tools: &Tools, to: &Path) -> String {
         let (file, to) = (self.file.as_path(), to.to_path_buf());
         match self.way {
             Way::Copied => Command::new("cp").arg(file).arg(to).shell(),
             Way::Converted => tools.heif_command(file, &to).shell(),
-            Way::Rewritten => {
-                Command::new("magick").arg(file).arg("-auto-orient").option("-quality", "95").arg(to).shell()
-            }
+            Way::Rewritten => tools.turn_command(file, &to).shell(),
         }
     }
 

@@ -14,7 +14,7 @@ use super::settings::Settings;
 use super::tools::Tools;
 use super::video::Video;
 use super::work_folder::{Begun, PUBLISHED, WorkFolder, remove};
-use crate::{Error, Result, atomic_file};
+use crate::{Error, Report, Result, atomic_file, text};
 use std::path::{Path, PathBuf};
 
 /// The number of frames of a video.
@@ -54,6 +54,7 @@ pub struct Plan {
     settings: Settings,
     tools: Tools,
     source: Source,
+    report: Report,
 }
 
 /// Photos that lie in the work folder, with their cameras.
@@ -71,16 +72,30 @@ impl Plan {
     /// [`Error::Usage`], [`Error::Io`], [`Error::InvalidInput`], [`Error::Unsupported`] for what cannot become a capture.
     pub fn new(inputs: &[PathBuf], capture: &Path, settings: &Settings) -> Result<Self> {
         let tools = Tools::find(settings);
+        let mut report = Report::default();
         let source = match Input::find(inputs, capture)? {
             Input::Video(file) => {
                 let video = tools.ffmpeg.as_ref().map(|ffmpeg| Video::look(&file, ffmpeg)).transpose()?;
                 Source::Video(file, video)
             }
-            Input::Photos(named) => {
+            Input::Photos(named, videos) => {
+                if let [first, ..] = &videos[..] {
+                    let (is, first) = (if videos.len() == 1 { "is" } else { "are" }, text::path(first));
+                    let what = format!(
+                        "{} beside the photos {is} left out ({first}); for a capture of a video, name that video alone",
+                        text::counted(videos.len(), "video")
+                    );
+                    report.warn("videos-beside-photos", videos.len(), what);
+                }
                 Source::Photos(named.iter().map(Photo::look).collect::<Result<Vec<Photo>>>()?)
             }
         };
-        Ok(Self { capture: capture.to_owned(), settings: settings.clone(), tools, source })
+        Ok(Self { capture: capture.to_owned(), settings: settings.clone(), tools, source, report })
+    }
+
+    /// Warnings about what the user named.
+    pub fn report(&self) -> &Report {
+        &self.report
     }
 
     /// The commands with which a person would do the same.
@@ -120,6 +135,12 @@ impl Plan {
         )))
     }
 
+    /// # Errors
+    /// [`Error::Usage`] if the folder of the capture cannot be used.
+    pub fn check_place(&self) -> Result<()> {
+        WorkFolder::check_place(&self.capture)
+    }
+
     /// What it is made of, and how long finding the poses will take, in words.
     pub fn describe(&self) -> String {
         let Some(engine) = &self.tools.engine else { return String::new() };
@@ -132,7 +153,7 @@ impl Plan {
             }
             Source::Photos(photos) => {
                 let of = super::photos::cameras(photos).len();
-                let what = format!("{count} photos of {}", crate::text::counted(of, "camera"));
+                let what = format!("{count} photos of {}", text::counted(of, "camera"));
                 (what, photos.iter().map(|photo| photo.size).collect())
             }
         };
@@ -142,11 +163,11 @@ impl Plan {
             usize::from,
         );
         let secs = estimate::secs(engine, self.settings.quality, &sizes, pairs, cores);
-        let [features, matching, mapping] = secs.map(crate::text::format_duration);
+        let [features, matching, mapping] = secs.map(text::format_duration);
         format!(
             "{what}; {} takes about {}: {features} for features, {matching} for {pairs} pairs, {mapping} for mapping",
             engine.name(),
-            crate::text::format_duration(secs.iter().sum())
+            text::format_duration(secs.iter().sum())
         )
     }
 

@@ -2,7 +2,7 @@
 
 use super::child::Command;
 use super::engine::Engine;
-use super::install::Program;
+use super::install::{Program, System, magick_name};
 use super::settings::Settings;
 use std::env;
 use std::path::{Path, PathBuf};
@@ -21,6 +21,8 @@ const PYTHON_VARIABLE: &str = "LITETEX_PYTHON";
 pub struct Tools {
     pub ffmpeg: Option<Ffmpeg>,
     heif: Option<Heif>,
+    /// ImageMagick.
+    magick: Option<PathBuf>,
     pub engine: Option<Engine>,
     /// What was found but does not serve, for messages.
     pub unfit: Vec<String>,
@@ -50,8 +52,10 @@ impl Tools {
             // Builds from the middle of development have no number; they are new.
             found.ffmpeg = Some(Ffmpeg { ffmpeg, ffprobe, version: version.unwrap_or((99, 0)) });
         }
-        let magick = || on_path("magick").or_else(|| on_path("convert").filter(|_| cfg!(not(windows))));
-        found.heif = on_path("heif-convert").map(Heif::Convert).or_else(|| magick().map(Heif::Magick));
+        // Windows has another program of that name.
+        found.magick = on_path("magick").or_else(|| on_path("convert").filter(|_| cfg!(not(windows))));
+        let heif_convert = on_path("heif-convert").map(Heif::Convert);
+        found.heif = heif_convert.or_else(|| found.magick.clone().map(Heif::Magick));
         found.find_engine(settings);
         found
     }
@@ -122,6 +126,17 @@ impl Tools {
             Some(Heif::Magick(_)) => "ImageMagick",
             _ => "heif-convert",
         }
+    }
+
+    /// Whether ImageMagick was found.
+    pub fn has_magick(&self) -> bool {
+        self.magick.is_some()
+    }
+
+    /// Writes a photo upright as JPEG, as a person does it.
+    pub fn turn_command(&self, file: &Path, to: &Path) -> Command {
+        let program = self.magick.clone().unwrap_or_else(|| magick_name(System::current()).into());
+        Command::new(program).arg(file).arg("-auto-orient").option("-quality", "95").arg(to)
     }
 
     /// Decodes a HEIC or AVIF file into a PNG or JPEG file.

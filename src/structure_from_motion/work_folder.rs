@@ -34,6 +34,23 @@ impl WorkFolder {
     /// # Errors
     /// [`Error::Usage`] if the capture's folder holds something else or another process works in it; [`Error::Io`].
     pub fn open(capture: &Path) -> Result<Self> {
+        Self::check_place(capture)?;
+        let root = capture.join(NAME);
+        fs::create_dir_all(root.join("logs")).map_err(|e| Error::io(&root, e))?;
+        let path = root.join("lock");
+        let lock = File::options().write(true).create(true).truncate(false).open(&path);
+        let lock = lock.map_err(|e| Error::io(&path, e))?;
+        if matches!(lock.try_lock(), Err(TryLockError::WouldBlock)) {
+            return Err(usage!("{}: another \"litetex capture\" is making this capture", capture.display()));
+        }
+        Ok(Self { root, _lock: lock })
+    }
+
+    /// Refuses what cannot become the folder of a capture, and changes nothing.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if it is a file or holds something else than an interrupted capture.
+    pub fn check_place(capture: &Path) -> Result<()> {
         let root = capture.join(NAME);
         if !root.exists() && fs::read_dir(capture).is_ok_and(|mut entries| entries.next().is_some()) {
             let what =
@@ -43,14 +60,7 @@ impl WorkFolder {
         if capture.exists() && !capture.is_dir() {
             return Err(usage!("{}: is a file, expected a folder", capture.display()));
         }
-        fs::create_dir_all(root.join("logs")).map_err(|e| Error::io(&root, e))?;
-        let path = root.join("lock");
-        let lock = File::options().write(true).create(true).truncate(false).open(&path);
-        let lock = lock.map_err(|e| Error::io(&path, e))?;
-        if matches!(lock.try_lock(), Err(TryLockError::WouldBlock)) {
-            return Err(usage!("{}: another \"litetex capture\" is making this capture", capture.display()));
-        }
-        Ok(Self { root, _lock: lock })
+        Ok(())
     }
 
     pub fn path(&self, name: &str) -> PathBuf {

@@ -33,7 +33,7 @@ pub struct Verdict {
     pub views: usize,
     /// Number of splats of the file and of the scene.
     pub splats: [usize; 2],
-    /// Whether the scene was rendered without its textures, since the format has none.
+    /// Whether the scene was rendered without its textures, since the format has none. A scene without texels loses none.
     pub untextured: bool,
     /// PSNR of the unrounded values, capped, mean over the views, dB.
     pub psnr: f64,
@@ -137,7 +137,7 @@ pub fn verify(
     let differences: Vec<Difference> =
         pairs.map(|((view, image), target)| Difference::of(&view.name, image, target)).collect();
     let mut verdict = Verdict {
-        untextured: !file.textured,
+        untextured: !file.textured && scene.num_texels() > 0,
         splats: [found.num_splats(), scene.num_splats()],
         fallback_psnr: mean_psnr(shown, whole),
         fallback_loss_db: mean_of(shown, whole, |mse| loss_db(mse, mse_to_photos(scene))),

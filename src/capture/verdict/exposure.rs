@@ -1,9 +1,8 @@
 //! How much the exposure of photos differs: the brightness of the same points in each of them.
 
-use crate::camera::Camera;
 use crate::capture::frame::{median, quantile};
 use crate::image::TargetImage;
-use glam::{DVec2, DVec3};
+use glam::DVec2;
 
 /// Values near the ends say nothing about brightness.
 const USABLE: std::ops::RangeInclusive<u8> = 8..=247;
@@ -23,18 +22,10 @@ pub(super) struct Seen {
     pub stops: [f64; 3],
 }
 
-/// The brightness of the points that a view shows: `points` has their indices and positions in the local frame.
-pub(super) fn seen(
-    camera: &Camera,
-    photo: &TargetImage,
-    points: impl Iterator<Item = (u32, DVec3)>,
-) -> Vec<Seen> {
-    let look = |(point, position): (u32, DVec3)| {
-        let at = camera.pinhole.project(camera.camera_from_local.transform_point(position))?;
-        let stops = stops_at(photo, at)?;
-        Some(Seen { point, stops })
-    };
-    points.filter_map(look).collect()
+/// The brightness of the points that a photo shows: indices, and places in pixels.
+pub(super) fn seen(photo: &TargetImage, points: &[(u32, DVec2)]) -> Vec<Seen> {
+    let look = |&(point, at): &(u32, DVec2)| Some(Seen { point, stops: stops_at(photo, at)? });
+    points.iter().filter_map(look).collect()
 }
 
 /// The mean of 3 x 3 pixels around a place; `None` outside, where masked, and where too bright or dark.

@@ -1,6 +1,6 @@
 //! The figures that a verdict follows from.
 
-use super::{blur, exposure, geometry, sharpness};
+use super::{blur, exposure, geometry, same_points, sharpness};
 use crate::capture::frame::median;
 use crate::capture::loaded::Capture;
 use crate::views::{Split, ViewSource as _};
@@ -38,7 +38,7 @@ pub struct Figures {
     pub photos_decoded: usize,
     /// Median sharpness: fine over coarse detail in the direction that has least.
     pub sharpness: Option<f64>,
-    /// Decoded photos that are less than half as sharp as the sharp ones.
+    /// Decoded photos that are less than half as sharp as the sharp ones, or show much less detail around the points that they share.
     pub blurred: Vec<String>,
     /// Range of the exposures of the decoded photos without the outer tenths, stops.
     pub exposure_stops: Option<f64>,
@@ -53,6 +53,7 @@ pub struct Figures {
 struct Look {
     sharpness: Option<sharpness::Sharpness>,
     seen: Vec<exposure::Seen>,
+    detail: Vec<same_points::Seen>,
     masked_share: Option<f64>,
 }
 
@@ -63,9 +64,10 @@ pub(super) fn of(capture: &Capture) -> Figures {
     let chosen: Vec<usize> = (0..num).map(|i| (2 * i + 1) * num_views / (2 * num)).collect();
     let looks: Vec<Result<Look, String>> = chosen.par_iter().map(|&view| look(capture, view)).collect();
     let unreadable = looks.iter().find_map(|look| look.as_ref().err().cloned());
-    let looks: Vec<Look> = looks.into_iter().map(Result::unwrap_or_default).collect();
+    let mut looks: Vec<Look> = looks.into_iter().map(Result::unwrap_or_default).collect();
     let sharpness: Vec<_> = looks.iter().map(|look| look.sharpness).collect();
-    let blur = blur::of(&sharpness);
+    let detail: Vec<_> = looks.iter_mut().map(|look| std::mem::take(&mut look.detail)).collect();
+    let blur = blur::of(&sharpness, &same_points::shares(&detail));
     let masked_share = median(looks.iter().filter_map(|look| look.masked_share).collect());
     let seen: Vec<_> = looks.into_iter().map(|look| look.seen).collect();
     let geometry = geometry::of(capture);
@@ -101,9 +103,14 @@ fn look(capture: &Capture, view: usize) -> Result<Look, String> {
         observed.iter().copied().filter(|&index| (index as usize).is_multiple_of(step)).map(|index| {
             (index, local_from_capture.transform_point(capture.points[index as usize].position_in_capture))
         });
+    let camera = capture.camera(view);
+    let project = |position| camera.pinhole.project(camera.camera_from_local.transform_point(position));
+    let points: Vec<_> = points.filter_map(|(index, place)| Some((index, project(place)?))).collect();
+    let levels = sharpness::Levels::of(&decoded.image);
     Ok(Look {
-        sharpness: sharpness::of(&decoded.image),
-        seen: exposure::seen(&capture.camera(view), &decoded.image, points),
+        sharpness: sharpness::of(&levels),
+        seen: exposure::seen(&decoded.image, &points),
+        detail: same_points::seen(&levels, &points),
         masked_share: capture.store.has_mask(view).then_some(decoded.masked_share),
     })
 }

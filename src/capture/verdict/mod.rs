@@ -8,6 +8,7 @@ mod exposure;
 mod geometry;
 mod judge;
 mod measure;
+mod same_points;
 mod sharpness;
 
 #[cfg(test)]

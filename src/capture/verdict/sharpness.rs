@@ -6,12 +6,14 @@
 
 use crate::capture::frame::quantile;
 use crate::image::TargetImage;
+use glam::DVec2;
+use std::ops::Range;
 
 /// Side of a block, pixels of the photo as it is trained.
 const BLOCK_PX: usize = 32;
 
 /// Directions that gradients are taken in, over half a turn.
-const DIRECTIONS: usize = 8;
+pub(super) const DIRECTIONS: usize = 8;
 
 /// Gradient energy of a block with structure, halved three times, squared 255ths per squared pixel. Noise of standard
 /// deviation 10 of 255 has 0.8.
@@ -43,6 +45,18 @@ pub(super) struct Sharpness {
     pub best: f64,
 }
 
+/// A photo at the sizes at which its detail is measured.
+pub(super) struct Levels<'a> {
+    full: Plane,
+    half: Plane,
+    eighth: Plane,
+    /// Blocks of which nothing is masked: column, row.
+    blocks: Vec<(usize, usize)>,
+    kept: Option<&'a [u8]>,
+    /// Energy of the noise in the photo halved.
+    noise: f64,
+}
+
 /// Grey values, 0 to 255. `[height, width]`
 #[derive(Clone)]
 struct Plane {
@@ -54,33 +68,78 @@ struct Plane {
 /// Energy of the gradient in a block: the means of gx gx, gx gy and gy gy.
 type Tensor = [f64; 3];
 
-/// The sharpness of a photo; `None` if it shows too little structure to tell.
-pub(super) fn of(photo: &TargetImage) -> Option<Sharpness> {
-    let kept = photo.mask.as_deref();
-    let full = Plane::of(photo);
-    let half = full.halved();
-    let eighth = half.halved().halved();
-    let (columns, rows) = (full.width / BLOCK_PX, full.height / BLOCK_PX);
-    let blocks: Vec<(usize, usize)> = (0..rows)
-        .flat_map(|row| (0..columns).map(move |column| (column, row)))
-        .filter(|&block| kept.is_none_or(|kept| is_whole(kept, full.width, block)))
-        .collect();
-    let of_level = |plane: &Plane, side: usize| -> Vec<Tensor> {
-        blocks.iter().map(|&block| plane.tensor(block, side)).collect()
-    };
-    let finest = of_level(&full, BLOCK_PX);
-    let fine = of_level(&half, BLOCK_PX / 2);
-    let coarse = of_level(&eighth, BLOCK_PX / 8);
-    // White noise has a quarter of the energy in the photo halved.
-    let mut quiet: Vec<f64> = finest.iter().map(|t| 0.5 * (t[0] + t[2])).collect();
-    let noise = quantile(&mut quiet, 0.05).unwrap_or(0.0) / 4.0;
-    let of_direction = |direction: usize| {
+impl<'a> Levels<'a> {
+    pub fn of(photo: &'a TargetImage) -> Self {
+        let kept = photo.mask.as_deref();
+        let full = Plane::of(photo);
+        let half = full.halved();
+        let eighth = half.halved().halved();
+        let (columns, rows) = (full.width / BLOCK_PX, full.height / BLOCK_PX);
+        let blocks: Vec<(usize, usize)> = (0..rows)
+            .flat_map(|row| (0..columns).map(move |column| (column, row)))
+            .filter(|&block| kept.is_none_or(|kept| is_whole(kept, full.width, block)))
+            .collect();
+        // White noise has a quarter of the energy in the photo halved.
+        let mut quiet: Vec<f64> = tensors(&blocks, &full, BLOCK_PX).map(|t| 0.5 * (t[0] + t[2])).collect();
+        let noise = quantile(&mut quiet, 0.05).unwrap_or(0.0) / 4.0;
+        Self { full, half, eighth, blocks, kept, noise }
+    }
+
+    /// Fine over coarse energy around a place of the photo, pixels, by direction: `None` for directions without structure, and for
+    /// places where less than a block is seen.
+    pub fn ratios_around(&self, at: DVec2) -> Option<[Option<f64>; DIRECTIONS]> {
+        let half = BLOCK_PX as f64 / 2.0;
+        let corner = at - half;
+        let (width, height) = (self.full.width as f64, self.full.height as f64);
+        if !(corner.min_element() >= 0.0 && at.x + half <= width && at.y + half <= height) {
+            return None;
+        }
+        let (x, y) = (corner.x as usize, corner.y as usize);
+        let mut rows = y..y + BLOCK_PX;
+        let is_kept = |row: usize, kept: &[u8]| {
+            let start = row * self.full.width + x;
+            kept[start..start + BLOCK_PX].iter().all(|&kept| kept != 0)
+        };
+        if self.kept.is_some_and(|kept| !rows.all(|row| is_kept(row, kept))) {
+            return None;
+        }
+        let of = |plane: &Plane, scale: usize| {
+            let side = BLOCK_PX / scale;
+            plane.tensor([x / scale..x / scale + side, y / scale..y / scale + side])
+        };
+        let (fine, coarse) = (of(&self.half, 2), of(&self.eighth, 8));
+        Some(std::array::from_fn(|direction| self.ratio(&fine, &coarse, direction)))
+    }
+
+    /// Fine over coarse energy in a direction; `None` without structure.
+    fn ratio(&self, fine: &Tensor, coarse: &Tensor, direction: usize) -> Option<f64> {
         let angle = std::f64::consts::PI * direction as f64 / DIRECTIONS as f64;
+        let energy = along(coarse, angle);
+        let is_structure = energy > STRUCTURE_MIN.max(DIRECTION_SHARE_MIN * strongest(coarse));
+        is_structure.then(|| (along(fine, angle) - self.noise).max(0.0) / energy)
+    }
+}
+
+/// The energy in blocks of this side.
+fn tensors<'a>(
+    blocks: &'a [(usize, usize)],
+    plane: &'a Plane,
+    side: usize,
+) -> impl Iterator<Item = Tensor> + 'a {
+    let inside = move |block: usize| block * side..(block + 1) * side;
+    blocks.iter().map(move |&(column, row)| plane.tensor([inside(column), inside(row)]))
+}
+
+/// The sharpness of a photo; `None` if it shows too little structure to tell.
+pub(super) fn of(levels: &Levels<'_>) -> Option<Sharpness> {
+    let blocks = &levels.blocks;
+    let (columns, rows) = (levels.full.width / BLOCK_PX, levels.full.height / BLOCK_PX);
+    let fine: Vec<Tensor> = tensors(blocks, &levels.half, BLOCK_PX / 2).collect();
+    let coarse: Vec<Tensor> = tensors(blocks, &levels.eighth, BLOCK_PX / 8).collect();
+    let of_direction = |direction: usize| {
         let (mut all, mut regions) = (Vec::new(), vec![Vec::new(); REGIONS * REGIONS]);
         for ((&(column, row), fine), coarse) in blocks.iter().zip(&fine).zip(&coarse) {
-            let energy = along(coarse, angle);
-            if energy > STRUCTURE_MIN.max(DIRECTION_SHARE_MIN * strongest(coarse)) {
-                let ratio = (along(fine, angle) - noise).max(0.0) / energy;
+            if let Some(ratio) = levels.ratio(fine, coarse, direction) {
                 all.push(ratio);
                 regions[row * REGIONS / rows * REGIONS + column * REGIONS / columns].push(ratio);
             }
@@ -141,15 +200,14 @@ impl Plane {
         Self { width, height, values }
     }
 
-    /// Of the block of this side in a column and a row of blocks, by central differences.
-    fn tensor(&self, (column, row): (usize, usize), side: usize) -> Tensor {
-        let inside = |block: usize, length: usize| {
-            (block * side).max(1)..((block + 1) * side).min(length.saturating_sub(1))
-        };
+    /// Of a window, by central differences.
+    fn tensor(&self, [columns, rows]: [Range<usize>; 2]) -> Tensor {
+        let inside =
+            |range: Range<usize>, length: usize| range.start.max(1)..range.end.min(length.saturating_sub(1));
         let (mut sums, mut count) = ([0.0_f32; 3], 0);
-        for y in inside(row, self.height) {
+        for y in inside(rows, self.height) {
             let at = y * self.width;
-            for x in inside(column, self.width) {
+            for x in inside(columns.clone(), self.width) {
                 let gx = 0.5 * (self.values[at + x + 1] - self.values[at + x - 1]);
                 let gy = 0.5 * (self.values[at + self.width + x] - self.values[at - self.width + x]);
                 sums[0] += gx * gx;

@@ -1,9 +1,10 @@
 //! The verdict as a function of figures, and the measures on made photos.
 
 use super::exposure::{Seen, spread_stops};
-use super::sharpness::{self, Sharpness};
-use super::{Figures, Rating, blur, judge};
+use super::sharpness::{self, Levels, Sharpness};
+use super::{Figures, Rating, blur, judge, same_points};
 use crate::image::TargetImage;
+use glam::DVec2;
 
 const SIDE: usize = 192;
 
@@ -103,7 +104,7 @@ fn photo(seed: usize, blur: [usize; 2]) -> TargetImage {
 }
 
 fn sharpness_of(photos: &[TargetImage]) -> Vec<Option<Sharpness>> {
-    photos.iter().map(sharpness::of).collect()
+    photos.iter().map(|photo| sharpness::of(&Levels::of(photo))).collect()
 }
 
 #[test]
@@ -111,26 +112,47 @@ fn blurred_photos_are_found_and_no_others() {
     for (blurred, bad) in [([9, 9], 1..3), ([13, 1], 2..3), ([1, 13], 0..4), ([9, 9], 0..8), ([1, 1], 0..0)] {
         let of = |seed| photo(seed, if bad.contains(&seed) { blurred } else { [1, 1] });
         let photos: Vec<TargetImage> = (0..16).map(of).collect();
-        let found = blur::of(&sharpness_of(&photos));
+        let found = blur::of(&sharpness_of(&photos), &[None; 16]);
         assert_eq!(found.blurred, bad.clone().collect::<Vec<_>>(), "{blurred:?}");
         assert!(!blur::is_everywhere(found.median.unwrap()), "{found:?}");
     }
     let all: Vec<TargetImage> = (0..16).map(|seed| photo(seed, [9, 9])).collect();
-    let found = blur::of(&sharpness_of(&all));
+    let found = blur::of(&sharpness_of(&all), &[None; 16]);
     assert!(found.blurred.is_empty() && blur::is_everywhere(found.median.unwrap()), "{found:?}");
+}
+
+/// The share of the detail of its points that each photo shows; all show the same ones in the same places.
+fn shares_of(photos: &[TargetImage]) -> Vec<Option<f64>> {
+    let along = |i: u32| f64::from(12 * i + 16);
+    let points: Vec<(u32, DVec2)> = (0..196).map(|i| (i, DVec2::new(along(i % 14), along(i / 14)))).collect();
+    let seen: Vec<_> = photos.iter().map(|photo| same_points::seen(&Levels::of(photo), &points)).collect();
+    same_points::shares(&seen)
+}
+
+#[test]
+fn a_blur_of_few_pixels_is_found_where_photos_show_the_same() {
+    for blur in [[5, 5], [7, 1]] {
+        let of = |i: usize| photo(1, if [2, 5].contains(&i) { blur } else { [1, 1] });
+        let photos: Vec<TargetImage> = (0..16).map(of).collect();
+        let (sharpness, shares) = (sharpness_of(&photos), shares_of(&photos));
+        assert_eq!(blur::of(&sharpness, &shares).blurred, [2, 5], "{blur:?}: {shares:?}, {sharpness:?}");
+        assert!((0..16).all(|i| [2, 5].contains(&i) || shares[i] == Some(1.0)), "{shares:?}");
+    }
+    // Negative control: too few photos show the points.
+    assert_eq!(shares_of(&[photo(1, [1, 1]), photo(1, [5, 5])]), [None, None]);
 }
 
 #[test]
 fn smooth_and_masked_photos_are_not_judged() {
     let mut wall = photo(0, [1, 1]);
-    assert!(sharpness::of(&wall).is_some(), "negative control");
+    assert!(sharpness::of(&Levels::of(&wall)).is_some(), "negative control");
     wall.mask = Some(vec![0; SIDE * SIDE]);
-    assert_eq!(sharpness::of(&wall), None);
+    assert_eq!(sharpness::of(&Levels::of(&wall)), None);
     for (i, value) in wall.rgb.iter_mut().enumerate() {
         *value = 90 + (i / 3 % SIDE / 8) as u8;
     }
     wall.mask = None;
-    assert_eq!(sharpness::of(&wall), None, "a smooth wall");
+    assert_eq!(sharpness::of(&Levels::of(&wall)), None, "a smooth wall");
 }
 
 #[test]
