@@ -90,6 +90,8 @@ struct Found {
     /// Share of the time gone, and the time left as it was told over what it came to be.
     etas: Vec<(f64, f64)>,
     stopped: Option<(TrainState, Vec<LengthChange>, f64)>,
+    /// Times of the interim checkpoints.
+    interim_secs: Vec<f64>,
 }
 
 /// A run by the clock, from `start`, `gone` seconds after its beginning; it is stopped after step `stop`.
@@ -108,6 +110,7 @@ fn run(
     let mut backend =
         Timed { inner: CpuBackend::new(Some(2)).unwrap(), secs: &secs, step_secs, done: start.step };
     let (mut plan, mut told, mut saved) = (config.plan.clone(), Vec::new(), None);
+    let mut interim_secs = Vec::new();
     let mut sink = |event: TrainEvent<'_>| {
         match event {
             TrainEvent::Planned { step, last_step, .. } => plan.push([step, last_step]),
@@ -117,7 +120,8 @@ fn run(
                     return Ok(Control::Stop);
                 }
             }
-            TrainEvent::Checkpoint { state } => saved = Some((state.clone(), secs.get())),
+            TrainEvent::Checkpoint { is_interim: true, .. } => interim_secs.push(secs.get()),
+            TrainEvent::Checkpoint { state, .. } => saved = Some((state.clone(), secs.get())),
             _ => {}
         }
         Ok(Control::Continue)
@@ -127,7 +131,7 @@ fn run(
     let end = secs.get();
     let etas = told.into_iter().map(|(then, left)| (then / end, left / (end - then).max(1e-9))).collect();
     let stopped = saved.filter(|_| stop.is_some()).map(|(state, then)| (state, plan.clone(), then));
-    Found { state, plan, secs: end, etas, stopped }
+    Found { state, plan, secs: end, etas, stopped, interim_secs }
 }
 
 fn fresh() -> (TrainState, f64) {
@@ -185,4 +189,21 @@ fn the_plan_repeats_a_run_without_a_clock_and_after_an_interruption() {
     let rest = run(&TrainConfig { plan, ..settings() }, (state, gone), &growing, None);
     assert!((rest.secs / DEADLINE_SECS - 1.0).abs() < 0.15, "{} {:?}", rest.secs, rest.plan);
     assert!(repeated(&rest.plan).model == rest.state.model, "as the same plan uninterrupted");
+}
+
+#[test]
+fn a_minute_of_training_at_most_is_lost_by_a_crash() {
+    let of = |save_secs, save_every| {
+        let config = TrainConfig { save_secs, save_every, ..settings() };
+        run(&config, fresh(), &|n| if n < 50 { 0.5 } else { 1.5 }, None)
+    };
+    let (saved, never) = (of(60, 0), of(0, 0));
+    let times: Vec<f64> =
+        [0.0].into_iter().chain(saved.interim_secs.iter().copied()).chain([saved.secs]).collect();
+    // A round of pruning renders many views between two steps.
+    assert!(times.len() > 4 && times.windows(2).all(|pair| pair[1] - pair[0] < 80.0), "{times:?}");
+    assert!(saved.state.model == never.state.model && saved.state.adam == never.state.adam);
+    assert_eq!(saved.plan, never.plan);
+    // Checkpoints that the user asks for are enough.
+    assert!(never.interim_secs.is_empty() && of(60, 70).interim_secs.is_empty());
 }

@@ -11,7 +11,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// Settings that do not shape the trained model, or follow from others.
-const NOT_SHAPING: [&str; 11] = [
+const NOT_SHAPING: [&str; 12] = [
     "version",
     "profile",
     "save-images",
@@ -19,6 +19,7 @@ const NOT_SHAPING: [&str; 11] = [
     "train.plan",
     "train.eval-every",
     "train.save-every",
+    "train.save-secs",
     "train.random-start",
     "capture.background",
     "capture.image-cache-bytes",
@@ -364,7 +365,7 @@ mod tests {
             settings.iter().for_each(|setting| now.set(setting).unwrap());
             now.shaping_differences(&before).unwrap()
         };
-        let others = ["eval-every=7", "save-every=7", "capture.image-cache-bytes=7"];
+        let others = ["eval-every=7", "save-every=7", "save-secs=7", "capture.image-cache-bytes=7"];
         assert_eq!(differences(&others), [""; 0]);
         for setting in ["seed=7", "policy=plain", "sh-degree=1", "rates.texel=1.0", "capture.test-every=7"] {
             assert_eq!(differences(&[setting]), [setting.split('=').next().unwrap()]);

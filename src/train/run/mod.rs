@@ -113,6 +113,7 @@ pub fn train_by(
         targets,
         size,
         state: start,
+        saved_secs: clock.began_secs,
     };
     trainer.begin_stage(trainer.state.stage_step);
     // The analysis of the photos is part of the training time.
@@ -134,14 +135,14 @@ impl Trainer<'_> {
             Ok(reason) => reason,
             Err(error) => {
                 // An unreadable photo must not cost the work so far. Only the first error is reported.
-                let _ = self.checkpoint(sink);
+                let _ = self.checkpoint(false, sink);
                 return Err(error);
             }
         };
         // Saved before the evaluation, which may fail to read photos, and again with its figures.
-        self.checkpoint(sink)?;
+        self.checkpoint(false, sink)?;
         if reason != StopReason::Consumer && self.evaluate(true, sink)? != Control::Stop {
-            self.checkpoint(sink)?;
+            self.checkpoint(false, sink)?;
         }
         sink(TrainEvent::Finished { reason })?;
         Ok((self.state.clone(), reason))
@@ -169,7 +170,10 @@ impl Trainer<'_> {
                 control = self.evaluate(false, sink)?;
             }
             if control != Control::Stop && self.is_due(self.config.save_every, self.state.step) {
-                self.checkpoint(sink)?;
+                self.checkpoint(false, sink)?;
+            }
+            if control != Control::Stop && self.is_interim_due() {
+                self.checkpoint(true, sink)?;
             }
             if control == Control::Stop {
                 return Ok(StopReason::Consumer);
@@ -181,6 +185,16 @@ impl Trainer<'_> {
     /// Whether something done every `every` steps is due after `step`. The last step is handled separately.
     fn is_due(&self, every: u32, step: u32) -> bool {
         every > 0 && step > 0 && step.is_multiple_of(every) && step < self.last_step()
+    }
+
+    /// Whether a crash would now cost more than the settings allow.
+    fn is_interim_due(&self) -> bool {
+        let TrainConfig { save_every, save_secs, .. } = *self.config;
+        let since_secs = (self.timing.now)() - self.saved_secs;
+        save_every == 0
+            && save_secs > 0
+            && since_secs >= f64::from(save_secs)
+            && self.state.step < self.schedule.last_step
     }
 
     fn evaluated_at(&self) -> Option<u32> {
