@@ -14,8 +14,8 @@ use litetex_gs::cpu::CpuBackend;
 use litetex_gs::model::{AdamState, Model};
 use litetex_gs::selftest::{RandomScene, SceneOptions, random_scene};
 use litetex_gs::train::{
-    Control, LengthChange, Schedule, StepCosts, StopReason, Timing, TrainConfig, TrainEvent, TrainState,
-    train, train_by,
+    Control, LengthChange, MOST_STEPS, Schedule, StepCosts, StopReason, Timing, TrainConfig, TrainEvent,
+    TrainState, train, train_by,
 };
 use litetex_gs::views::{Split, ViewSource as _};
 use std::cell::Cell;
@@ -97,6 +97,17 @@ struct Found {
 /// A run by the clock, from `start`, `gone` seconds after its beginning; it is stopped after step `stop`.
 fn run(
     config: &TrainConfig,
+    start: (TrainState, f64),
+    step_secs: &dyn Fn(u32) -> f64,
+    stop: Option<u32>,
+) -> Found {
+    run_within((DEADLINE_SECS, MOST_STEPS), config, start, step_secs, stop)
+}
+
+/// [`run`] with another deadline, and a bound of the steps.
+fn run_within(
+    (deadline_secs, most_steps): (f64, u32),
+    config: &TrainConfig,
     (start, gone): (TrainState, f64),
     step_secs: &dyn Fn(u32) -> f64,
     stop: Option<u32>,
@@ -106,7 +117,7 @@ fn run(
     let secs = Cell::new(gone);
     let now = || secs.get();
     let costs = StepCosts { fixed_secs: 1.0, secs_per_pixel: 1e-9, secs_per_splat: 1e-9 };
-    let timing = Timing { now: &now, deadline_secs: Some(DEADLINE_SECS), costs, end_secs: 1.0 };
+    let timing = Timing { now: &now, deadline_secs: Some(deadline_secs), most_steps, costs, end_secs: 1.0 };
     let mut backend =
         Timed { inner: CpuBackend::new(Some(2)).unwrap(), secs: &secs, step_secs, done: start.step };
     let (mut plan, mut told, mut saved) = (config.plan.clone(), Vec::new(), None);
@@ -206,4 +217,25 @@ fn a_minute_of_training_at_most_is_lost_by_a_crash() {
     assert_eq!(saved.plan, never.plan);
     // Checkpoints that the user asks for are enough.
     assert!(never.interim_secs.is_empty() && of(60, 70).interim_secs.is_empty());
+}
+
+#[test]
+fn a_run_that_nobody_timed_ends_with_its_steps_and_is_shortened_only_for_the_deadline() {
+    let found = |deadline_secs, step_secs: f64| {
+        run_within((deadline_secs, STEPS), &settings(), fresh(), &|_| step_secs, None)
+    };
+    let early = found(4.0 * DEADLINE_SECS, 1.0);
+    assert_eq!(early.state.step, STEPS, "{:?}", early.plan);
+    assert!(early.secs < 1.2 * DEADLINE_SECS, "{}", early.secs);
+    // On a machine that is slower than expected, too, while there is time.
+    assert_eq!(found(4.0 * DEADLINE_SECS, 2.5).state.step, STEPS);
+    let late = found(DEADLINE_SECS, 1.8);
+    assert!(late.state.step < STEPS && (late.secs / DEADLINE_SECS - 1.0).abs() < 0.15, "{} s", late.secs);
+    // Negative control: without the bound the run fills the time.
+    let filled = run(&settings(), fresh(), &|_| 0.7, None);
+    assert!(filled.state.step > STEPS, "{:?}", filled.plan);
+    // The ETA is that of the steps, not of the deadline.
+    let after_tenth = early.etas.iter().filter(|(share, _)| (0.1..0.97).contains(share));
+    let worst = after_tenth.map(|(_, ratio)| ratio.ln().abs()).fold(0.0, f64::max);
+    assert!(worst.exp() < 2.0, "ETA off by {}", worst.exp());
 }

@@ -174,9 +174,11 @@ impl TrainArgs {
         if t.steps.is_some() || self.sets_steps() {
             // A number of steps is a plan of its own.
             config.train.plan.clear();
-            config.time_secs = None;
+            config.forget_time();
         }
-        set_some(&mut config.time_secs, &t.time);
+        if t.time.is_some() {
+            (config.time_secs, config.most_steps) = (t.time, None);
+        }
         set(&mut config.train.seed, t.seed);
         set(&mut config.train.policy, t.policy);
         set(&mut config.init, t.init.clone());

@@ -222,7 +222,7 @@ fn resolve_config(args: &TrainArgs, before: Option<&RunConfig>) -> Result<RunCon
     let mut config = match (&args.config, before) {
         (Some(file), before) => {
             let mut config = RunConfig::read(file)?;
-            config.time_secs = None;
+            config.forget_time();
             if let (None, Some(before)) = (&config.data, before) {
                 config.data.clone_from(&before.data);
             }

@@ -85,9 +85,10 @@ pub fn plan(
     };
     let plan = situation.plan(&job.config.train)?;
     job.config.train.steps = plan.steps;
-    if situation.enough_steps.is_some_and(|enough| enough <= plan.steps) {
-        // Otherwise the run would stretch to the time.
-        job.config.time_secs = Some(plan.done_secs);
+    job.config.most_steps = job.is_free.then_some(plan.most_steps);
+    if !plan.fits {
+        // Fewer steps than these would be no run.
+        job.config.forget_time();
     }
     if let Some(side) = plan.max_resolution {
         job.config.capture.max_resolution = side;
@@ -100,26 +101,48 @@ pub fn plan(
     Ok(Planned { costs: trial.costs, end_secs: plan.end_secs, train_secs })
 }
 
-/// Says what was chosen for the time, and how to get more.
+/// The plan in words: what was chosen, why it is not what was asked for, and how to get more.
+fn words(situation: &Situation, plan: &Plan, budget: &str) -> String {
+    let is_free = situation.enough_steps.is_some();
+    let size = match plan.max_resolution {
+        None if situation.keeps_size => "your size of images",
+        _ => "this capture",
+    };
+    let time = format_duration(situation.time_secs);
+    let purpose = match plan.fits {
+        true => format!("for {time}"),
+        false => format!("beyond {time}, since {size} leaves no time for less on this device"),
+    };
+    let bound = match (plan.steps < plan.most_steps, is_free) {
+        (true, _) => String::new(),
+        (false, true) => format!(", which show each photo about {ENOUGH_PASSES} times"),
+        (false, false) => ", the most that --time plans".to_owned(),
+    };
+    let more = match (is_free, plan.fits, situation.keeps_size) {
+        (true, false, true) => "; a smaller --max-resolution is faster",
+        (true, ..) => "; for more: --time 1h, or --steps and --max-resolution",
+        (false, ..) if !bound.is_empty() => "; for more: --steps",
+        (false, ..) => "",
+    };
+    format!(
+        "planned {purpose}: about {} steps at {} px{bound}{budget}, done in about {}{more}",
+        format_count(plan.steps.into()),
+        plan.max_resolution.unwrap_or(situation.side_px),
+        format_duration(plan.done_secs - situation.gone_secs)
+    )
+}
+
+/// Says what was chosen for the time.
 fn say(job: &TrainJob, situation: &Situation, plan: Plan, log: &Log) {
     let side_px = plan.max_resolution.unwrap_or(situation.side_px);
     let budget = job.config.train.budget.max_params;
     let budget =
         budget.map_or(String::new(), |most| format!(", at most {} parameters", format_count(most as u64)));
-    let more = match job.is_free {
-        true => "; for more: --time 1h, or --steps and --max-resolution",
-        false => "",
-    };
     log.event(
         "plan",
-        &format!(
-            "planned for {}: about {} steps at {side_px} px{budget}, done in about {}{more}",
-            format_duration(situation.time_secs),
-            format_count(plan.steps.into()),
-            format_duration(plan.done_secs - situation.gone_secs)
-        ),
+        &words(situation, &plan, &budget),
         serde_json::json!({ "time_secs": situation.time_secs, "gone_secs": situation.gone_secs, "steps": plan.steps,
-            "side_px": side_px, "done_secs": plan.done_secs, "end_secs": plan.end_secs, "budget_params":
+            "most_steps": plan.most_steps,             "side_px": side_px, "done_secs": plan.done_secs, "end_secs": plan.end_secs, "budget_params":
             job.config.train.budget.max_params }),
     );
 }

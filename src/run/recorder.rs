@@ -310,7 +310,7 @@ impl<'a> Recorder<'a> {
 /// The settings in a checkpoint: without the time, which the plan has replaced, so that a run that repeats the plan has the
 /// same checkpoint. The run's own `config.toml` keeps it.
 fn checkpoint_settings(config: &RunConfig) -> Result<String> {
-    RunConfig { time_secs: None, ..config.clone() }.to_toml()
+    RunConfig { time_secs: None, most_steps: None, ..config.clone() }.to_toml()
 }
 
 /// Name of a stop reason in `metrics.jsonl` and `summary.json`.

@@ -15,7 +15,7 @@ use super::eta::{Course, Eta};
 use super::events::{Control, Sink, StopReason, TrainEvent};
 use super::expected_size::ExpectedSize;
 use super::limits::check_limits;
-use super::pacing::Timing;
+use super::pacing::{MOST_STEPS, Timing};
 use super::prune::{Pruned, Round, TrainingViews};
 use super::schedule::{MOST_PROBES, Schedule};
 use super::state::{SizeFigures, TrainState};
@@ -45,7 +45,13 @@ pub fn train(
 ) -> Result<(TrainState, StopReason)> {
     let began = Instant::now();
     let now = || began.elapsed().as_secs_f64();
-    let timing = Timing { now: &now, deadline_secs: None, costs: StepCosts::CPU, end_secs: 0.0 };
+    let timing = Timing {
+        now: &now,
+        deadline_secs: None,
+        most_steps: MOST_STEPS,
+        costs: StepCosts::CPU,
+        end_secs: 0.0,
+    };
     train_by(&timing, config, backend, views, start, sink)
 }
 
