@@ -232,6 +232,18 @@ fn a_time_is_kept_from_start_to_exit_and_progress_can_be_json() {
     assert!(short.0 == 2 && short.2.contains("the shortest is about"), "{}", short.2);
     let both = run(&["train", &capture, "-o", &place.path("short"), "--time", "9s", "--steps", "3"]);
     assert!(both.0 == 2 && both.2.contains("--steps"), "{}", both.2);
+    // Another time is no reason to touch a finished run, but one to say so; its own, or none, is not.
+    let again =
+        |time: &[&str]| run(&[&["train", &capture, "-o", &out, "--resume-or-start"][..], time].concat());
+    let settings = fs::read(place.path("run/config.toml")).unwrap();
+    for (time, is_told) in [(&["--time", "50s"][..], true), (&["--time", "40s"], false), (&[], false)] {
+        let (code, _, stderr) = again(time);
+        let told = stderr.contains("warning[finished-with-other-settings]") && stderr.contains("(time)");
+        assert!(code == 0 && told == is_told, "{time:?}: {stderr}");
+    }
+    let (code, _, stderr) = run(&["train", "--resume", &out, "--time", "50s"]);
+    assert!(code == 2 && stderr.contains("--time: the run has all of its"), "{stderr}");
+    assert!(fs::read(place.path("run/config.toml")).unwrap() == settings);
     // The folder is taken now.
     let (code, _, stderr) = run(&["train", &capture, "-o", &out, "--steps", "1"]);
     assert!(code == 2 && stderr.contains("--force"), "{stderr}");

@@ -75,7 +75,7 @@ fn finished_run(args: &TrainArgs, log: &Log) -> Result<Option<FinishedRun>> {
     log.info(&format!("{}: finished already, and left as it is", out.display()));
     if !changed.is_empty() {
         let what = format!(
-            "{}: {} differ from the settings of the finished run, which is left as it is; --force replaces it",
+            "{}: the finished run has other settings ({}) and is left as it is; --force replaces it",
             out.display(),
             changed.join(", ")
         );
@@ -119,7 +119,7 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<FinishedRun> {
             state: &mut state,
             loaded_secs,
             is_resumed: resumed.is_some(),
-            keeps_size: args.capture_args.max_resolution.is_some(),
+            keeps_size: args.says_size(),
         },
         backend.as_mut(),
         &now,

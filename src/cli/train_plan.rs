@@ -105,13 +105,13 @@ pub fn plan(
 fn words(situation: &Situation, plan: &Plan, budget: &str) -> String {
     let is_free = situation.enough_steps.is_some();
     let size = match plan.max_resolution {
-        None if situation.keeps_size => "your size of images",
+        None if situation.keeps_size => "images of this size",
         _ => "this capture",
     };
     let time = format_duration(situation.time_secs);
     let purpose = match plan.fits {
         true => format!("for {time}"),
-        false => format!("beyond {time}, since {size} leaves no time for less on this device"),
+        false => format!("for more than {time}, which is too short for {size} on this device"),
     };
     let bound = match (plan.steps < plan.most_steps, is_free) {
         (true, _) => String::new(),
