@@ -276,13 +276,17 @@ mod tests {
         let time_secs = |flags: &str| over(RunConfig::default(), flags).unwrap().time_secs;
         assert_eq!(time_secs("--time 1m --profile default --set save-every=9"), Some(60.0));
         // A number of steps ends a plan.
-        let mut planned = RunConfig { time_secs: Some(60.0), ..RunConfig::default() };
+        let mut planned = RunConfig { time_secs: Some(60.0), most_steps: Some(70), ..RunConfig::default() };
         planned.train.plan = vec![[9, 40]];
         for flags in ["--steps 50", "--set steps=50", "--set train.steps=50"] {
             let config = over(planned.clone(), flags).unwrap();
-            assert_eq!((config.time_secs, config.train.last_step()), (None, 50), "{flags}");
+            let found = (config.time_secs, config.most_steps, config.train.last_step());
+            assert_eq!(found, (None, None, 50), "{flags}");
         }
         assert_eq!(over(planned.clone(), "--set seed=7").unwrap().train.last_step(), 40);
+        // A time that the user asks for is used.
+        let asked = over(planned.clone(), "--time 2m").unwrap();
+        assert_eq!((asked.time_secs, asked.most_steps), (Some(120.0), None));
         let says_no_length = |flags: &str| {
             let line = Line::try_parse_from(["train"].into_iter().chain(flags.split_whitespace())).unwrap();
             line.args.says_no_length()

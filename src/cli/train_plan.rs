@@ -146,3 +146,63 @@ fn say(job: &TrainJob, situation: &Situation, plan: Plan, log: &Log) {
             job.config.train.budget.max_params }),
     );
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use litetex_gs::run::Trial;
+
+    #[test]
+    fn a_plan_says_which_bound_it_met() {
+        let costs = StepCosts::CPU;
+        let situation = Situation {
+            time_secs: 900.0,
+            gone_secs: 1.0,
+            reload_secs: 1.0,
+            trial: Trial { costs, photo_secs: 0.01, evaluation_secs_per_pixel: 1e-6 },
+            splats: 600,
+            views: [10, 2],
+            side_px: 640,
+            pixels: 640.0 * 480.0,
+            keeps_size: false,
+            threads: 2.0,
+            enough_steps: Some(2_000),
+        };
+        let plan = Plan {
+            steps: 1_500,
+            most_steps: 2_000,
+            fits: true,
+            max_resolution: None,
+            done_secs: 891.0,
+            end_secs: 2.0,
+        };
+        let of = |situation: &Situation, plan: &Plan| words(situation, plan, "");
+        assert_eq!(
+            of(&situation, &plan),
+            "planned for 15 min: about 1,500 steps at 640 px, done in about 15 min; for more: --time 1h, or --steps and \
+             --max-resolution"
+        );
+        let all = of(&situation, &Plan { steps: 2_000, done_secs: 46.0, ..plan });
+        assert!(
+            all.contains("show each photo about 200 times, done in about 45 s; for more: --time 1h"),
+            "{all}"
+        );
+        let own_size = Situation { keeps_size: true, ..situation };
+        let late = of(&own_size, &Plan { steps: 260, fits: false, done_secs: 1_501.0, ..plan });
+        assert!(
+            late.starts_with("planned for more than 15 min, which is too short for images of this size"),
+            "{late}"
+        );
+        assert!(late.contains("done in about 25 min; a smaller --max-resolution"), "{late}");
+        // With a time that the user gave.
+        let asked = Situation { time_secs: 3_600.0, enough_steps: None, ..situation };
+        let longest = Plan { steps: 30_000, most_steps: 30_000, done_secs: 241.0, ..plan };
+        let capped = of(&asked, &longest);
+        assert!(
+            capped.contains("30,000 steps at 640 px, the most that --time plans, done in about 4 min"),
+            "{capped}"
+        );
+        let usual = of(&asked, &Plan { steps: 9_000, ..longest });
+        assert!(!usual.contains("the most") && !usual.contains("for more"), "{usual}");
+    }
+}
