@@ -286,11 +286,12 @@ impl<'a> Recorder<'a> {
         self.strings.insert(CAMERAS_KEY.to_owned(), cameras_json(self.views)?);
         store_up(self.views, &mut self.strings)?;
         store_metric(self.views, &mut self.strings);
-        checkpoint::save(&path, state, &history, &self.strings)?;
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         self.metric(
             json!({ "event": "checkpoint", "step": state.step, "file": name, "is_interim": is_interim }),
         )?;
+        // The line comes first: a run that is resumed after a kill must know of every interim checkpoint there is.
+        checkpoint::save(&path, state, &history, &self.strings)?;
         self.checkpoint = Some(path);
         self.interim.retain(|&step| step != state.step);
         // One that cannot be removed now, as while another program reads it, may be with the next.
