@@ -195,7 +195,7 @@ fn run_with(
             TrainEvent::Evaluated { step, evaluation, point, last } => {
                 format!("evaluated {step} {} {evaluation:?} {last}", point.psnr_test)
             }
-            TrainEvent::Checkpoint { state } => {
+            TrainEvent::Checkpoint { state, .. } => {
                 saved.push(state.clone());
                 format!("checkpoint {}", state.step)
             }

@@ -6,7 +6,7 @@ use assert_cmd::Command;
 use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// For commands that could wait for the other end of a pipe.
 const TIMEOUT: Duration = Duration::from_secs(300);
@@ -232,6 +232,18 @@ fn a_time_is_kept_from_start_to_exit_and_progress_can_be_json() {
     assert!(short.0 == 2 && short.2.contains("the shortest is about"), "{}", short.2);
     let both = run(&["train", &capture, "-o", &place.path("short"), "--time", "9s", "--steps", "3"]);
     assert!(both.0 == 2 && both.2.contains("--steps"), "{}", both.2);
+    // Another time is no reason to touch a finished run, but one to say so; its own, or none, is not.
+    let again =
+        |time: &[&str]| run(&[&["train", &capture, "-o", &out, "--resume-or-start"][..], time].concat());
+    let settings = fs::read(place.path("run/config.toml")).unwrap();
+    for (time, is_told) in [(&["--time", "50s"][..], true), (&["--time", "40s"], false), (&[], false)] {
+        let (code, _, stderr) = again(time);
+        let told = stderr.contains("warning[finished-with-other-settings]") && stderr.contains("(time)");
+        assert!(code == 0 && told == is_told, "{time:?}: {stderr}");
+    }
+    let (code, _, stderr) = run(&["train", "--resume", &out, "--time", "50s"]);
+    assert!(code == 2 && stderr.contains("--time: the run has all of its"), "{stderr}");
+    assert!(fs::read(place.path("run/config.toml")).unwrap() == settings);
     // The folder is taken now.
     let (code, _, stderr) = run(&["train", &capture, "-o", &out, "--steps", "1"]);
     assert!(code == 2 && stderr.contains("--force"), "{stderr}");
@@ -245,16 +257,19 @@ struct Running(std::process::Child);
 
 #[cfg(unix)]
 impl Running {
-    fn start(place: &Place, out: &str) -> Self {
-        let (capture, out) = (place.path("capture"), place.path(out));
+    fn spawn(place: &Place, out: &str, arguments: &[&str]) -> Self {
         let child = std::process::Command::new(env!("CARGO_BIN_EXE_litetex"))
-            .args(["train", &capture, "-o", &out, "--steps", "1000000", "--device", "cpu", "-q"])
-            .args(["--set", "save-every=5"])
+            .args(["train", &place.path("capture"), "-o", &place.path(out), "--device", "cpu", "-q"])
+            .args(arguments)
             .stderr(std::process::Stdio::piped())
             .spawn()
             .unwrap();
-        let running = Self(child);
-        let metrics = Path::new(&out).join("metrics.jsonl");
+        Self(child)
+    }
+
+    fn start(place: &Place, out: &str) -> Self {
+        let running = Self::spawn(place, out, &["--steps", "1000000", "--set", "save-every=5"]);
+        let metrics = Path::new(&place.path(out)).join("metrics.jsonl");
         let has_stepped = || fs::read_to_string(&metrics).is_ok_and(|t| t.contains("\"step\":10"));
         for _ in 0..600 {
             if has_stepped() {
@@ -303,6 +318,53 @@ fn an_interrupted_run_is_saved_even_if_the_signal_comes_twice() {
         let found: Value = serde_json::from_str(&ok(&["inspect", &place.path(out), "--json"])).unwrap();
         assert_eq!(found["checkpoint"]["step"], summary["steps"], "the last step is saved");
     }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_killed_run_is_resumed_to_the_bytes_of_an_uninterrupted_one() {
+    let place = Place::new();
+    let names = |run: &str| -> Vec<String> {
+        let entries = fs::read_dir(place.path(&format!("{run}/checkpoints"))).into_iter().flatten().flatten();
+        let mut names: Vec<String> = entries.map(|e| e.file_name().into_string().unwrap()).collect();
+        names.retain(|name| name.starts_with("step-") && name.ends_with(".safetensors"));
+        names
+    };
+    // Killed after its first checkpoint, which nobody asked for; then resumed. Returns its last one, unless it was done before.
+    let killed = |run: &str, length: &[&str]| -> Option<Vec<u8>> {
+        let is_done = || Path::new(&place.path(run)).join("summary.json").exists();
+        let running = Running::spawn(&place, run, &[length, &["--set", "save-secs=3"]].concat());
+        let began = Instant::now();
+        while names(run).is_empty() && !is_done() && began.elapsed() < TIMEOUT {
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        running.kill(&["KILL"]);
+        let (code, stderr) = running.wait();
+        if is_done() || code.is_some() {
+            assert_eq!(code.unwrap_or(0), 0, "{run}: {stderr}");
+            return None;
+        }
+        ok(&["train", "--resume", &place.path(run), "--device", "cpu", "-q"]);
+        let summary = place.json(&format!("{run}/summary.json"));
+        assert!(summary["resumed"]["from_step"].as_u64().unwrap() > 0);
+        // The folder has not grown.
+        let last = format!("step-{:06}.safetensors", summary["steps"].as_u64().unwrap());
+        assert_eq!(names(run), [&*last]);
+        Some(bytes_of(place.path(&format!("{run}/checkpoints/{last}"))))
+    };
+    // As many steps as take a while on this machine.
+    let tried = [60, 600, 6_000].into_iter().find_map(|steps| {
+        let length = format!("--steps={steps}");
+        Some((killed(&format!("steps-{steps}"), &[&length])?, length))
+    });
+    let (last, length) = tried.unwrap();
+    place.train("whole", &[&length, "--set", "save-secs=3"]);
+    assert!(last == bytes_of(place.path(&format!("whole/checkpoints/{}", names("whole")[0]))));
+    // A run with a time: as its plan says, in one go.
+    let last = killed("planned", &["--time", "40s"]).unwrap();
+    let (plan, again) = (place.path("planned/config.toml"), place.path("again"));
+    ok(&["train", "--config", &plan, "-o", &again, "--device", "cpu", "-q"]);
+    assert!(last == bytes_of(place.path(&format!("again/checkpoints/{}", names("again")[0]))));
 }
 
 #[cfg(unix)]

@@ -22,7 +22,7 @@ use std::sync::Arc;
 fn run(config: &TrainConfig, views: &MemoryViews, start: TrainState) -> (TrainState, Vec<TrainState>) {
     let mut saved = Vec::new();
     let mut sink = |event: TrainEvent<'_>| {
-        if let TrainEvent::Checkpoint { state } = event {
+        if let TrainEvent::Checkpoint { state, .. } = event {
             saved.push(state.clone());
         }
         Ok(Control::Continue)
@@ -75,7 +75,7 @@ fn the_consumer_stops_training_with_a_checkpoint() {
     let mut last_saved = 0;
     let mut sink = |event: TrainEvent<'_>| match event {
         TrainEvent::Step { step: 11, .. } => Ok(Control::Stop),
-        TrainEvent::Checkpoint { state } => {
+        TrainEvent::Checkpoint { state, .. } => {
             last_saved = state.step;
             Ok(Control::Continue)
         }
@@ -100,7 +100,7 @@ fn snapshots_change_no_bit_of_the_training() {
                     return Ok(Control::Snapshot);
                 }
                 TrainEvent::Snapshot { step, model, .. } => taken.push((step, model)),
-                TrainEvent::Checkpoint { state } => saved = Some(state.model.clone()),
+                TrainEvent::Checkpoint { state, .. } => saved = Some(state.model.clone()),
                 // Outside of steps, the answer asks for nothing.
                 TrainEvent::Started { .. } | TrainEvent::Evaluated { .. } if every > 0 => {
                     return Ok(Control::Snapshot);
@@ -209,7 +209,7 @@ fn an_unreadable_test_photo_does_not_lose_the_training() {
     for eval_every in [0, 5] {
         let mut saved = 0;
         let mut sink = |event: TrainEvent<'_>| {
-            if let TrainEvent::Checkpoint { state } = event {
+            if let TrainEvent::Checkpoint { state, .. } = event {
                 saved = state.step;
             }
             Ok(Control::Continue)

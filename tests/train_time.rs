@@ -14,8 +14,8 @@ use litetex_gs::cpu::CpuBackend;
 use litetex_gs::model::{AdamState, Model};
 use litetex_gs::selftest::{RandomScene, SceneOptions, random_scene};
 use litetex_gs::train::{
-    Control, LengthChange, Schedule, StepCosts, StopReason, Timing, TrainConfig, TrainEvent, TrainState,
-    train, train_by,
+    Control, LengthChange, MOST_STEPS, Schedule, StepCosts, StopReason, Timing, TrainConfig, TrainEvent,
+    TrainState, train, train_by,
 };
 use litetex_gs::views::{Split, ViewSource as _};
 use std::cell::Cell;
@@ -90,10 +90,23 @@ struct Found {
     /// Share of the time gone, and the time left as it was told over what it came to be.
     etas: Vec<(f64, f64)>,
     stopped: Option<(TrainState, Vec<LengthChange>, f64)>,
+    /// Times of the interim checkpoints.
+    interim_secs: Vec<f64>,
 }
 
 /// A run by the clock, from `start`, `gone` seconds after its beginning; it is stopped after step `stop`.
 fn run(
+    config: &TrainConfig,
+    start: (TrainState, f64),
+    step_secs: &dyn Fn(u32) -> f64,
+    stop: Option<u32>,
+) -> Found {
+    run_within((DEADLINE_SECS, MOST_STEPS), config, start, step_secs, stop)
+}
+
+/// [`run`] with another deadline, and a bound of the steps.
+fn run_within(
+    (deadline_secs, most_steps): (f64, u32),
     config: &TrainConfig,
     (start, gone): (TrainState, f64),
     step_secs: &dyn Fn(u32) -> f64,
@@ -104,10 +117,11 @@ fn run(
     let secs = Cell::new(gone);
     let now = || secs.get();
     let costs = StepCosts { fixed_secs: 1.0, secs_per_pixel: 1e-9, secs_per_splat: 1e-9 };
-    let timing = Timing { now: &now, deadline_secs: Some(DEADLINE_SECS), costs, end_secs: 1.0 };
+    let timing = Timing { now: &now, deadline_secs: Some(deadline_secs), most_steps, costs, end_secs: 1.0 };
     let mut backend =
         Timed { inner: CpuBackend::new(Some(2)).unwrap(), secs: &secs, step_secs, done: start.step };
     let (mut plan, mut told, mut saved) = (config.plan.clone(), Vec::new(), None);
+    let mut interim_secs = Vec::new();
     let mut sink = |event: TrainEvent<'_>| {
         match event {
             TrainEvent::Planned { step, last_step, .. } => plan.push([step, last_step]),
@@ -117,7 +131,8 @@ fn run(
                     return Ok(Control::Stop);
                 }
             }
-            TrainEvent::Checkpoint { state } => saved = Some((state.clone(), secs.get())),
+            TrainEvent::Checkpoint { is_interim: true, .. } => interim_secs.push(secs.get()),
+            TrainEvent::Checkpoint { state, .. } => saved = Some((state.clone(), secs.get())),
             _ => {}
         }
         Ok(Control::Continue)
@@ -127,7 +142,7 @@ fn run(
     let end = secs.get();
     let etas = told.into_iter().map(|(then, left)| (then / end, left / (end - then).max(1e-9))).collect();
     let stopped = saved.filter(|_| stop.is_some()).map(|(state, then)| (state, plan.clone(), then));
-    Found { state, plan, secs: end, etas, stopped }
+    Found { state, plan, secs: end, etas, stopped, interim_secs }
 }
 
 fn fresh() -> (TrainState, f64) {
@@ -185,4 +200,42 @@ fn the_plan_repeats_a_run_without_a_clock_and_after_an_interruption() {
     let rest = run(&TrainConfig { plan, ..settings() }, (state, gone), &growing, None);
     assert!((rest.secs / DEADLINE_SECS - 1.0).abs() < 0.15, "{} {:?}", rest.secs, rest.plan);
     assert!(repeated(&rest.plan).model == rest.state.model, "as the same plan uninterrupted");
+}
+
+#[test]
+fn a_minute_of_training_at_most_is_lost_by_a_crash() {
+    let of = |save_secs, save_every| {
+        let config = TrainConfig { save_secs, save_every, ..settings() };
+        run(&config, fresh(), &|n| if n < 50 { 0.5 } else { 1.5 }, None)
+    };
+    let (saved, never) = (of(60, 0), of(0, 0));
+    let times: Vec<f64> =
+        [0.0].into_iter().chain(saved.interim_secs.iter().copied()).chain([saved.secs]).collect();
+    // A round of pruning renders many views between two steps.
+    assert!(times.len() > 4 && times.windows(2).all(|pair| pair[1] - pair[0] < 80.0), "{times:?}");
+    assert!(saved.state.model == never.state.model && saved.state.adam == never.state.adam);
+    assert_eq!(saved.plan, never.plan);
+    // Checkpoints that the user asks for are enough.
+    assert!(never.interim_secs.is_empty() && of(60, 70).interim_secs.is_empty());
+}
+
+#[test]
+fn a_run_that_nobody_timed_ends_with_its_steps_and_is_shortened_only_for_the_deadline() {
+    let found = |deadline_secs, step_secs: f64| {
+        run_within((deadline_secs, STEPS), &settings(), fresh(), &|_| step_secs, None)
+    };
+    let early = found(4.0 * DEADLINE_SECS, 1.0);
+    assert_eq!(early.state.step, STEPS, "{:?}", early.plan);
+    assert!(early.secs < 1.2 * DEADLINE_SECS, "{}", early.secs);
+    // On a machine that is slower than expected, too, while there is time.
+    assert_eq!(found(4.0 * DEADLINE_SECS, 2.5).state.step, STEPS);
+    let late = found(DEADLINE_SECS, 1.8);
+    assert!(late.state.step < STEPS && (late.secs / DEADLINE_SECS - 1.0).abs() < 0.15, "{} s", late.secs);
+    // Negative control: without the bound the run fills the time.
+    let filled = run(&settings(), fresh(), &|_| 0.7, None);
+    assert!(filled.state.step > STEPS, "{:?}", filled.plan);
+    // The ETA is that of the steps, not of the deadline.
+    let after_tenth = early.etas.iter().filter(|(share, _)| (0.1..0.97).contains(share));
+    let worst = after_tenth.map(|(_, ratio)| ratio.ln().abs()).fold(0.0, f64::max);
+    assert!(worst.exp() < 2.0, "ETA off by {}", worst.exp());
 }

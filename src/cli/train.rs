@@ -15,7 +15,7 @@ use litetex_gs::capture::Capture;
 use litetex_gs::console::{Interrupt, Log, Output, device};
 use litetex_gs::memory::machine_bytes;
 use litetex_gs::run::{Recorder, ResourceEstimate, Summary, Workload, fresh_state};
-use litetex_gs::train::{Schedule, StopReason, Timing, TrainState, check_limits, train_by};
+use litetex_gs::train::{MOST_STEPS, Schedule, StopReason, Timing, TrainState, check_limits, train_by};
 use litetex_gs::views::{Split, ViewSource as _};
 use litetex_gs::{Error, Report, Result};
 use std::path::PathBuf;
@@ -75,7 +75,7 @@ fn finished_run(args: &TrainArgs, log: &Log) -> Result<Option<FinishedRun>> {
     log.info(&format!("{}: finished already, and left as it is", out.display()));
     if !changed.is_empty() {
         let what = format!(
-            "{}: {} differ from the settings of the finished run, which is left as it is; --force replaces it",
+            "{}: the finished run has other settings ({}) and is left as it is; --force replaces it",
             out.display(),
             changed.join(", ")
         );
@@ -119,7 +119,7 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<FinishedRun> {
             state: &mut state,
             loaded_secs,
             is_resumed: resumed.is_some(),
-            keeps_size: args.capture_args.max_resolution.is_some(),
+            keeps_size: args.says_size(),
         },
         backend.as_mut(),
         &now,
@@ -128,6 +128,7 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<FinishedRun> {
     let timing = Timing {
         now: &now,
         deadline_secs: job.config.time_secs,
+        most_steps: job.config.most_steps.unwrap_or(MOST_STEPS),
         costs: planned.costs,
         end_secs: planned.end_secs,
     };

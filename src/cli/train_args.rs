@@ -99,7 +99,7 @@ pub struct TrainingArgs {
     #[arg(long, value_name = "NAME", value_parser = profile_parser())]
     pub profile: Option<Profile>,
     /// Programs that shall show the scene [default: page]
-    #[arg(long = "for", value_name = "USE", value_parser = purpose_parser(), conflicts_with_all = ["policy", "profile"])]
+    #[arg(long = "for", value_name = "USE", value_parser = purpose_parser(), conflicts_with = "policy")]
     pub purpose: Option<Purpose>,
     #[arg(long, alias = "texture", value_name = "POLICY", help = policy_help())]
     pub policy: Option<Policy>,
@@ -124,13 +124,28 @@ impl TrainArgs {
     pub fn says_no_length(&self) -> bool {
         let t = &self.training;
         let is_usual = t.profile.is_none_or(|profile| profile == Profile::Default);
-        t.steps.is_none() && t.time.is_none() && self.config.is_none() && is_usual && !self.sets_steps()
+        t.steps.is_none()
+            && t.time.is_none()
+            && self.config.is_none()
+            && is_usual
+            && self.set_length().is_none()
     }
 
-    /// Whether `--set` gives a number of steps.
-    fn sets_steps(&self) -> bool {
-        let keys = self.training.settings.iter().filter_map(|setting| setting.split('=').next());
-        keys.map(str::trim).any(|key| matches!(key, "steps" | "train.steps"))
+    /// Whether the user chose the size of the images.
+    pub fn says_size(&self) -> bool {
+        self.capture_args.max_resolution.is_some()
+            || self.set_key(&["capture.max-resolution", "capture"]).is_some()
+    }
+
+    /// The setting by which `--set` gives the run a length: its steps, changes of them, or all settings of the training.
+    fn set_length(&self) -> Option<&str> {
+        self.set_key(&["steps", "train.steps", "plan", "train.plan", "train"])
+    }
+
+    /// The first of these settings that `--set` gives.
+    fn set_key(&self, keys: &[&str]) -> Option<&str> {
+        let given = self.training.settings.iter().filter_map(|setting| setting.split('=').next());
+        given.map(str::trim).find(|key| keys.contains(key))
     }
 
     /// Refuses a time beside what has a length of its own.
@@ -145,8 +160,8 @@ impl TrainArgs {
                  the profile"
             ));
         }
-        if self.sets_steps() {
-            return Err(usage!("--time: the steps follow from the time: leave out --set steps"));
+        if let Some(key) = self.set_length() {
+            return Err(usage!("--time: the steps follow from the time: leave out --set {key}"));
         }
         Ok(())
     }
@@ -157,6 +172,9 @@ impl TrainArgs {
     /// [`Error::Usage`] for an unknown setting or a contradiction.
     pub fn apply(&self, config: &mut RunConfig) -> Result<()> {
         let t = &self.training;
+        if t.purpose.is_some() {
+            Purpose::unbound_growth(&mut config.train);
+        }
         if let Some(profile) = t.profile {
             config.profile = profile;
             profile.apply(&mut config.train);
@@ -171,12 +189,14 @@ impl TrainArgs {
         }
         set_some(&mut config.train.budget.max_params, &t.budget_params);
         set(&mut config.train.steps, t.steps);
-        if t.steps.is_some() || self.sets_steps() {
+        if t.steps.is_some() || self.set_length().is_some() {
             // A number of steps is a plan of its own.
             config.train.plan.clear();
-            config.time_secs = None;
+            config.forget_time();
         }
-        set_some(&mut config.time_secs, &t.time);
+        if t.time.is_some() {
+            (config.time_secs, config.most_steps) = (t.time, None);
+        }
         set(&mut config.train.seed, t.seed);
         set(&mut config.train.policy, t.policy);
         set(&mut config.init, t.init.clone());
@@ -242,28 +262,60 @@ mod tests {
 
     #[test]
     fn a_time_is_refused_beside_another_length() {
-        for flags in ["--time 1m --profile paper", "--profile cat --time 1m", "--time 1m --set steps=9"] {
+        for flags in [
+            "--time 1m --profile paper",
+            "--profile cat --time 1m",
+            "--time 1m --set steps=9",
+            "--time 1m --set train.plan=[[1,2]]",
+            "--set plan=[] --time 1m",
+            "--time 1m --set train={steps=9}",
+        ] {
             let error = over(RunConfig::default(), flags).unwrap_err();
             assert!(error.exit_code() == 2 && error.to_string().starts_with("--time: "), "{error}");
         }
         let time_secs = |flags: &str| over(RunConfig::default(), flags).unwrap().time_secs;
         assert_eq!(time_secs("--time 1m --profile default --set save-every=9"), Some(60.0));
         // A number of steps ends a plan.
-        let mut planned = RunConfig { time_secs: Some(60.0), ..RunConfig::default() };
+        let mut planned = RunConfig { time_secs: Some(60.0), most_steps: Some(70), ..RunConfig::default() };
         planned.train.plan = vec![[9, 40]];
         for flags in ["--steps 50", "--set steps=50", "--set train.steps=50"] {
             let config = over(planned.clone(), flags).unwrap();
-            assert_eq!((config.time_secs, config.train.last_step()), (None, 50), "{flags}");
+            let found = (config.time_secs, config.most_steps, config.train.last_step());
+            assert_eq!(found, (None, None, 50), "{flags}");
         }
         assert_eq!(over(planned.clone(), "--set seed=7").unwrap().train.last_step(), 40);
+        // A time that the user asks for is used.
+        let asked = over(planned.clone(), "--time 2m").unwrap();
+        assert_eq!((asked.time_secs, asked.most_steps), (Some(120.0), None));
         let says_no_length = |flags: &str| {
             let line = Line::try_parse_from(["train"].into_iter().chain(flags.split_whitespace())).unwrap();
             line.args.says_no_length()
         };
         assert!(says_no_length("--seed 7") && says_no_length("--profile default"));
-        for flags in ["--steps 7", "--time 1m", "--config c.toml", "--profile paper", "--set train.steps=7"] {
+        for flags in [
+            "--steps 7",
+            "--time 1m",
+            "--config c.toml",
+            "--profile paper",
+            "--set train.steps=7",
+            "--set train.plan=[[1,2]]",
+        ] {
             assert!(!says_no_length(flags), "{flags}");
         }
+    }
+
+    #[test]
+    fn a_size_is_the_users_however_it_is_given() {
+        let says_size = |flags: &str| {
+            let line = Line::try_parse_from(["train"].into_iter().chain(flags.split_whitespace())).unwrap();
+            line.args.says_size()
+        };
+        for flags in
+            ["--max-resolution 160", "--set capture.max-resolution=160", "--set capture={max-resolution=160}"]
+        {
+            assert!(says_size(flags), "{flags}");
+        }
+        assert!(!says_size("") && !says_size("--time 1m --set capture.mask-invert=true"));
     }
 
     #[test]
@@ -296,11 +348,30 @@ mod tests {
             assert_eq!(found, fresh(budget).train.budget, "a given budget is the only one");
         }
         // A later purpose undoes an earlier one; settings by name win.
-        assert_eq!(over(engine.clone(), "--for page").unwrap().train.density, DensityConfig::default());
+        assert_eq!(over(engine.clone(), "--for page").unwrap(), fresh("--steps 7"));
+        assert_eq!(over(engine.clone(), "--for engine").unwrap(), engine);
+        let bounded = |flags: &str| over(fresh(flags), "--for page").unwrap().train.budget.max_splats;
+        assert_eq!(bounded("--for engine --set budget.max-splats=9"), Some(9), "the user's bound stays");
+        assert_eq!(bounded("--for page --set budget.max-splats=30000"), Some(30_000));
+        assert_eq!(over(engine.clone(), "--for page --profile default").unwrap(), fresh("--steps 7"));
+        for purpose in ["page", "engine"] {
+            let flags = format!("--for {purpose} --steps 7");
+            assert_eq!(
+                fresh(&format!("{flags} --profile default")),
+                fresh(&flags),
+                "the profile changes nothing"
+            );
+        }
         assert_eq!(fresh("--for engine --set density.sh-below=0.01").train.density.sh_below, 0.01);
-        let error = over(fresh("--profile paper"), "--for engine").unwrap_err();
-        assert!(error.exit_code() == 2 && error.to_string().contains("profile paper"), "{error}");
-        for wrong in ["--for games", "--for engine --policy plain", "--for page --profile cat"] {
+        for (before, then) in [
+            (fresh("--profile paper"), "--for engine"),
+            (RunConfig::default(), "--for page --profile paper"),
+            (RunConfig::default(), "--profile paper --for engine"),
+        ] {
+            let error = over(before, then).unwrap_err();
+            assert!(error.exit_code() == 2 && error.to_string().contains("profile paper"), "{error}");
+        }
+        for wrong in ["--for games", "--for engine --policy plain"] {
             let parsed = Line::try_parse_from(["train"].into_iter().chain(wrong.split_whitespace()));
             assert!(parsed.is_err(), "{wrong}");
         }

@@ -63,7 +63,14 @@ impl TrainJob {
         if let Some((resume, before)) = &mut resumed {
             resume.in_place =
                 run_of_checkpoint(&resume.checkpoint).is_some_and(|run| same_folder(&run, &out));
-            resume.changed = config.shaping_differences(before)?;
+            if args.training.time.is_some() && resume.state.step >= before.train.last_step() {
+                return Err(usage!(
+                    "--time: the run has all of its {} steps already; continue it with --steps, or start another run with the \
+                     time",
+                    before.train.last_step()
+                ));
+            }
+            resume.changed = differences(args, &config, before)?;
         }
         let resume = resumed.map(|(resume, _)| resume);
         // A run that was killed before its first checkpoint leaves nothing to keep.
@@ -153,7 +160,7 @@ impl Resume {
         log.info(&format!("continuing {} after step {}", self.checkpoint.display(), self.state.step));
         if !self.changed.is_empty() {
             let what = format!(
-                "{} differ from the checkpoint: this is a new schedule, not the continuation of the old run",
+                "other settings than the checkpoint's ({}): this is a new schedule, not the continuation of the old run",
                 self.changed.join(", ")
             );
             log.warn("resumed-with-other-settings", &what, self.changed.len());
@@ -183,8 +190,23 @@ pub struct Finished {
 /// [`Error::Usage`] if it is of another capture, or for wrong arguments.
 pub fn finished(args: &TrainArgs) -> Result<Option<Finished>> {
     let RunState::Finished { config, summary } = run_state(args)? else { return Ok(None) };
-    let changed = resolve_config(args, Some(&config))?.shaping_differences(&config)?;
+    let changed = differences(args, &resolve_config(args, Some(&config))?, &config)?;
     Ok(Some(Finished { summary: *summary, changed }))
+}
+
+/// Settings that shape the result and that the arguments change against those of a run, its time included.
+fn differences(args: &TrainArgs, config: &RunConfig, before: &RunConfig) -> Result<Vec<String>> {
+    let mut changed = config.shaping_differences(before)?;
+    if args.training.time.is_some()
+        && (config.time_secs, config.most_steps) != (before.time_secs, before.most_steps)
+    {
+        changed.push("time".to_owned());
+    }
+    if config.train.last_step() != before.train.last_step() && !changed.iter().any(|key| key == "steps") {
+        // A plan has changed them since.
+        changed.push("steps".to_owned());
+    }
+    Ok(changed)
 }
 
 /// Refuses settings that no run can have.
@@ -222,7 +244,7 @@ fn resolve_config(args: &TrainArgs, before: Option<&RunConfig>) -> Result<RunCon
     let mut config = match (&args.config, before) {
         (Some(file), before) => {
             let mut config = RunConfig::read(file)?;
-            config.time_secs = None;
+            config.forget_time();
             if let (None, Some(before)) = (&config.data, before) {
                 config.data.clone_from(&before.data);
             }

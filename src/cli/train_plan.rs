@@ -85,9 +85,10 @@ pub fn plan(
     };
     let plan = situation.plan(&job.config.train)?;
     job.config.train.steps = plan.steps;
-    if situation.enough_steps.is_some_and(|enough| enough <= plan.steps) {
-        // Otherwise the run would stretch to the time.
-        job.config.time_secs = Some(plan.done_secs);
+    job.config.most_steps = job.is_free.then_some(plan.most_steps);
+    if !plan.fits {
+        // Fewer steps than these would be no run.
+        job.config.forget_time();
     }
     if let Some(side) = plan.max_resolution {
         job.config.capture.max_resolution = side;
@@ -100,26 +101,108 @@ pub fn plan(
     Ok(Planned { costs: trial.costs, end_secs: plan.end_secs, train_secs })
 }
 
-/// Says what was chosen for the time, and how to get more.
+/// The plan in words: what was chosen, why it is not what was asked for, and how to get more.
+fn words(situation: &Situation, plan: &Plan, budget: &str) -> String {
+    let is_free = situation.enough_steps.is_some();
+    let size = match plan.max_resolution {
+        None if situation.keeps_size => "images of this size",
+        _ => "this capture",
+    };
+    let time = format_duration(situation.time_secs);
+    let purpose = match plan.fits {
+        true => format!("for {time}"),
+        false => format!("for more than {time}, which is too short for {size} on this device"),
+    };
+    let bound = match (plan.steps < plan.most_steps, is_free) {
+        (true, _) => String::new(),
+        (false, true) => format!(", which show each photo about {ENOUGH_PASSES} times"),
+        (false, false) => ", the most that --time plans".to_owned(),
+    };
+    let more = match (is_free, plan.fits, situation.keeps_size) {
+        (true, false, true) => "; a smaller --max-resolution is faster",
+        (true, ..) => "; for more: --time 1h, or --steps and --max-resolution",
+        (false, ..) if !bound.is_empty() => "; for more: --steps",
+        (false, ..) => "",
+    };
+    format!(
+        "planned {purpose}: about {} steps at {} px{bound}{budget}, done in about {}{more}",
+        format_count(plan.steps.into()),
+        plan.max_resolution.unwrap_or(situation.side_px),
+        format_duration(plan.done_secs - situation.gone_secs)
+    )
+}
+
+/// Says what was chosen for the time.
 fn say(job: &TrainJob, situation: &Situation, plan: Plan, log: &Log) {
     let side_px = plan.max_resolution.unwrap_or(situation.side_px);
     let budget = job.config.train.budget.max_params;
     let budget =
         budget.map_or(String::new(), |most| format!(", at most {} parameters", format_count(most as u64)));
-    let more = match job.is_free {
-        true => "; for more: --time 1h, or --steps and --max-resolution",
-        false => "",
-    };
     log.event(
         "plan",
-        &format!(
-            "planned for {}: about {} steps at {side_px} px{budget}, done in about {}{more}",
-            format_duration(situation.time_secs),
-            format_count(plan.steps.into()),
-            format_duration(plan.done_secs - situation.gone_secs)
-        ),
+        &words(situation, &plan, &budget),
         serde_json::json!({ "time_secs": situation.time_secs, "gone_secs": situation.gone_secs, "steps": plan.steps,
-            "side_px": side_px, "done_secs": plan.done_secs, "end_secs": plan.end_secs, "budget_params":
+            "most_steps": plan.most_steps,             "side_px": side_px, "done_secs": plan.done_secs, "end_secs": plan.end_secs, "budget_params":
             job.config.train.budget.max_params }),
     );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use litetex_gs::run::Trial;
+
+    #[test]
+    fn a_plan_says_which_bound_it_met() {
+        let costs = StepCosts::CPU;
+        let situation = Situation {
+            time_secs: 900.0,
+            gone_secs: 1.0,
+            reload_secs: 1.0,
+            trial: Trial { costs, photo_secs: 0.01, evaluation_secs_per_pixel: 1e-6 },
+            splats: 600,
+            views: [10, 2],
+            side_px: 640,
+            pixels: 640.0 * 480.0,
+            keeps_size: false,
+            threads: 2.0,
+            enough_steps: Some(2_000),
+        };
+        let plan = Plan {
+            steps: 1_500,
+            most_steps: 2_000,
+            fits: true,
+            max_resolution: None,
+            done_secs: 891.0,
+            end_secs: 2.0,
+        };
+        let of = |situation: &Situation, plan: &Plan| words(situation, plan, "");
+        assert_eq!(
+            of(&situation, &plan),
+            "planned for 15 min: about 1,500 steps at 640 px, done in about 15 min; for more: --time 1h, or --steps and \
+             --max-resolution"
+        );
+        let all = of(&situation, &Plan { steps: 2_000, done_secs: 46.0, ..plan });
+        assert!(
+            all.contains("show each photo about 200 times, done in about 45 s; for more: --time 1h"),
+            "{all}"
+        );
+        let own_size = Situation { keeps_size: true, ..situation };
+        let late = of(&own_size, &Plan { steps: 260, fits: false, done_secs: 1_501.0, ..plan });
+        assert!(
+            late.starts_with("planned for more than 15 min, which is too short for images of this size"),
+            "{late}"
+        );
+        assert!(late.contains("done in about 25 min; a smaller --max-resolution"), "{late}");
+        // With a time that the user gave.
+        let asked = Situation { time_secs: 3_600.0, enough_steps: None, ..situation };
+        let longest = Plan { steps: 30_000, most_steps: 30_000, done_secs: 241.0, ..plan };
+        let capped = of(&asked, &longest);
+        assert!(
+            capped.contains("30,000 steps at 640 px, the most that --time plans, done in about 4 min"),
+            "{capped}"
+        );
+        let usual = of(&asked, &Plan { steps: 9_000, ..longest });
+        assert!(!usual.contains("the most") && !usual.contains("for more"), "{usual}");
+    }
 }

@@ -160,11 +160,12 @@ mod tests {
         let mut saved = RunConfig::default();
         (saved.train.steps, saved.train.plan) = (100, vec![[12, 120]]);
         let follow = |plan: &[[u32; 2]], steps: u32| {
-            let mut then = RunConfig { time_secs: Some(60.0), ..saved.clone() };
+            let mut then = RunConfig { time_secs: Some(60.0), most_steps: Some(150), ..saved.clone() };
             (then.train.plan, then.train.steps) = (plan.to_vec(), steps);
             std::fs::write(dir.path().join("config.toml"), then.to_toml().unwrap()).unwrap();
             let mut config = saved.clone();
             config.follow_run(dir.path()).unwrap();
+            assert_eq!(config.most_steps.is_some(), config.time_secs.is_some());
             (config.train.plan, config.time_secs)
         };
         let longer = [[12, 120], [40, 130]];

@@ -11,14 +11,16 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// Settings that do not shape the trained model, or follow from others.
-const NOT_SHAPING: [&str; 11] = [
+const NOT_SHAPING: [&str; 13] = [
     "version",
     "profile",
     "save-images",
     "time-secs",
+    "most-steps",
     "train.plan",
     "train.eval-every",
     "train.save-every",
+    "train.save-secs",
     "train.random-start",
     "capture.background",
     "capture.image-cache-bytes",
@@ -47,6 +49,9 @@ pub struct RunConfig {
     /// The settings of `--config` have none: their plan stands.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub time_secs: Option<f64>,
+    /// With a time that nobody asked for: steps after which the run ends though there is time left.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub most_steps: Option<u32>,
     /// Where splats start.
     pub init: InitSource,
     /// At most this many points become splats; more are thinned at random.
@@ -111,9 +116,14 @@ impl RunConfig {
         // Another start, or another plan from some step on, is another run.
         if run.train.steps == self.train.steps && run.train.plan.starts_with(&self.train.plan) {
             self.train.plan = run.train.plan;
-            self.time_secs = run.time_secs;
+            (self.time_secs, self.most_steps) = (run.time_secs, run.most_steps);
         }
         Ok(())
+    }
+
+    /// Forgets the time of the run: its plan stands.
+    pub fn forget_time(&mut self) {
+        (self.time_secs, self.most_steps) = (None, None);
     }
 
     /// Photos with alpha are composited on the background of the images, or keep it for changing backgrounds.
@@ -364,7 +374,7 @@ mod tests {
             settings.iter().for_each(|setting| now.set(setting).unwrap());
             now.shaping_differences(&before).unwrap()
         };
-        let others = ["eval-every=7", "save-every=7", "capture.image-cache-bytes=7"];
+        let others = ["eval-every=7", "save-every=7", "save-secs=7", "capture.image-cache-bytes=7"];
         assert_eq!(differences(&others), [""; 0]);
         for setting in ["seed=7", "policy=plain", "sh-degree=1", "rates.texel=1.0", "capture.test-every=7"] {
             assert_eq!(differences(&[setting]), [setting.split('=').next().unwrap()]);

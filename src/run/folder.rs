@@ -118,7 +118,18 @@ impl RunFolder {
         let folder = Self { root: root.to_owned(), _lock: lock };
         remove_staged(&folder.root.join(EVALUATIONS))?;
         remove_file(&folder.root.join(PREVIEW))?;
+        folder.remove_unfinished_checkpoints()?;
         Ok(folder)
+    }
+
+    /// Deletes what a run that was killed while it saved has left.
+    fn remove_unfinished_checkpoints(&self) -> Result<()> {
+        for entry in entries_or_none(&self.root.join(CHECKPOINTS))? {
+            if name_of(&entry).is_some_and(|n| n.starts_with(".step-") && n.ends_with(".part")) {
+                remove_file(&entry)?;
+            }
+        }
+        Ok(())
     }
 
     /// The folder itself.
@@ -164,6 +175,19 @@ impl RunFolder {
         StagedFolder::new(self.eval(step))
     }
 
+    /// Deletes the checkpoint after a step and its history.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn remove_checkpoint(&self, step: u32) -> Result<()> {
+        for entry in entries_or_none(&self.root.join(CHECKPOINTS))? {
+            if step_of_checkpoint_file(&entry) == Some(step) {
+                remove_file(&entry)?;
+            }
+        }
+        Ok(())
+    }
+
     /// Deletes the checkpoints, their histories and the evaluations of later steps.
     ///
     /// # Errors
@@ -199,16 +223,8 @@ impl RunFolder {
         for name in FILES {
             remove_file(&self.root.join(name))?;
         }
-        let checkpoints = self.root.join(CHECKPOINTS);
-        for entry in entries_or_none(&checkpoints)? {
-            let is_leftover =
-                name_of(&entry).is_some_and(|n| n.starts_with(".step-") && n.ends_with(".part"));
-            if is_leftover {
-                remove_file(&entry)?;
-            }
-        }
         self.remove_steps(|_| true)?;
-        remove_if_empty(&checkpoints)?;
+        remove_if_empty(&self.root.join(CHECKPOINTS))?;
         remove_if_empty(&self.root.join(EVALUATIONS))
     }
 }
@@ -271,11 +287,26 @@ pub fn find_checkpoint(path: &Path) -> Result<PathBuf> {
     if !path.exists() {
         return Err(Error::io(path, std::io::ErrorKind::NotFound.into()));
     }
-    checkpoints(path)?.pop().map(|(_, file)| file).ok_or_else(|| {
-        let what = "no checkpoint: expected checkpoints/step-*.safetensors in the folder of a run; a capture is to be \
-                    trained first: litetex train";
-        Error::invalid(path, what)
-    })
+    checkpoints(path)?.pop().map(|(_, file)| file).ok_or_else(|| Error::invalid(path, no_checkpoint(path)))
+}
+
+/// Says why a folder has no checkpoint, and what to do.
+fn no_checkpoint(path: &Path) -> String {
+    if RunLock::is_taken(path) {
+        return "no checkpoint yet: a training is writing into this folder; wait for its first one"
+            .to_owned();
+    }
+    if is_run(path) {
+        let (config, run) = (path.join("config.toml"), path.display());
+        return format!(
+            "no checkpoint: the run was interrupted before its first one; start it again with: litetex train --config {} \
+             -o {run} --force",
+            config.display()
+        );
+    }
+    "no checkpoint: expected checkpoints/step-*.safetensors in the folder of a run; a capture is to be trained first: \
+     litetex train"
+        .to_owned()
 }
 
 /// Checkpoints of a run after `step`, in order.
@@ -462,6 +493,21 @@ mod tests {
         // The file is still there.
         assert_eq!(files_below(dir.path()), [LOCK]);
         RunFolder::create(dir.path(), false).unwrap();
+    }
+
+    #[test]
+    fn a_folder_without_a_checkpoint_says_what_to_do() {
+        let said = |dir: &Path| find_checkpoint(dir).unwrap_err().to_string();
+        let dir = tempfile::tempdir().unwrap();
+        assert!(said(dir.path()).contains("a capture is to be trained first"), "{}", said(dir.path()));
+        let dir = folder_with(&["config.toml", "checkpoints/.step-000020.safetensors.7.part"]);
+        let again = format!("--config {} -o", dir.path().join("config.toml").display());
+        assert!(said(dir.path()).contains(&again), "{}", said(dir.path()));
+        let lock = RunLock::take(dir.path()).unwrap();
+        assert!(said(dir.path()).contains("no checkpoint yet"), "{}", said(dir.path()));
+        // What a kill while saving has left is gone when the folder is opened again.
+        drop(RunFolder::reopen(dir.path(), lock).unwrap());
+        assert_eq!(files_below(dir.path()), [LOCK, "config.toml"]);
     }
 
     #[test]

@@ -69,6 +69,15 @@ impl Purpose {
         Ok(())
     }
 
+    /// Removes the end of growth that an earlier purpose gave; comes before all that replaces its policy.
+    pub fn unbound_growth(train: &mut TrainConfig) {
+        let budget = &mut train.budget;
+        let is_ours = budget.max_splats == Some(ENGINE_SPLATS_MAX) && budget.max_params.is_none();
+        if train.policy == Policy::Plain && is_ours {
+            budget.max_splats = None;
+        }
+    }
+
     /// Gives growth an end where the purpose needs one and there is none.
     pub fn bound_growth(self, train: &mut TrainConfig) {
         let budget = &mut train.budget;

@@ -56,6 +56,8 @@ pub struct Recorder<'a> {
     pub(super) evaluation: Option<Evaluation>,
     /// The last checkpoint.
     checkpoint: Option<PathBuf>,
+    /// Steps of the checkpoints that the next one replaces.
+    interim: Vec<u32>,
     /// All warnings.
     pub(super) report: Report,
     /// Those that [`Recorder::take_warnings`] has not returned.
@@ -77,11 +79,12 @@ impl<'a> Recorder<'a> {
     ) -> Result<Self> {
         let toml = config.to_toml()?;
         atomic_file::write(&folder.config(), toml.as_bytes())?;
+        let (metrics, interim) = open_metrics(&folder.metrics(), done)?;
         Ok(Self {
             folder,
             views,
             config,
-            metrics: open_metrics(&folder.metrics(), done)?,
+            metrics,
             strings: BTreeMap::from([("config".to_owned(), checkpoint_settings(config)?)]),
             plan: config.train.plan.clone(),
             total_wall_secs: Box::new(total_wall_secs),
@@ -92,6 +95,7 @@ impl<'a> Recorder<'a> {
             evaluated_step: 0,
             evaluation: None,
             checkpoint: None,
+            interim,
             report: Report::default(),
             unsaid: Vec::new(),
         })
@@ -135,7 +139,7 @@ impl<'a> Recorder<'a> {
                     "uncovered": evaluation.uncovered }))?;
                 self.publish_eval(*step, evaluation)
             }
-            TrainEvent::Checkpoint { state } => self.save(state),
+            TrainEvent::Checkpoint { state, is_interim } => self.save(state, *is_interim),
             TrainEvent::Snapshot { .. } => Ok(()),
             TrainEvent::Warning(warning) => self.warn(warning.clone()),
             TrainEvent::Finished { reason } => {
@@ -273,7 +277,7 @@ impl<'a> Recorder<'a> {
         Ok(())
     }
 
-    fn save(&mut self, state: &TrainState) -> Result<()> {
+    fn save(&mut self, state: &TrainState, is_interim: bool) -> Result<()> {
         let path = self.folder.checkpoint(state.step)?;
         let total_wall_secs = (self.total_wall_secs)();
         let history = TrainHistory { total_wall_secs, ..state.history.clone() };
@@ -282,10 +286,17 @@ impl<'a> Recorder<'a> {
         self.strings.insert(CAMERAS_KEY.to_owned(), cameras_json(self.views)?);
         store_up(self.views, &mut self.strings)?;
         store_metric(self.views, &mut self.strings);
-        checkpoint::save(&path, state, &history, &self.strings)?;
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        self.metric(json!({ "event": "checkpoint", "step": state.step, "file": name }))?;
+        self.metric(
+            json!({ "event": "checkpoint", "step": state.step, "file": name, "is_interim": is_interim }),
+        )?;
+        // The line comes first: a run that is resumed after a kill must know of every interim checkpoint there is.
+        checkpoint::save(&path, state, &history, &self.strings)?;
         self.checkpoint = Some(path);
+        self.interim.retain(|&step| step != state.step);
+        // One that cannot be removed now, as while another program reads it, may be with the next.
+        self.interim.retain(|&step| self.folder.remove_checkpoint(step).is_err());
+        self.interim.extend(is_interim.then_some(state.step));
         Ok(())
     }
 
@@ -300,7 +311,7 @@ impl<'a> Recorder<'a> {
 /// The settings in a checkpoint: without the time, which the plan has replaced, so that a run that repeats the plan has the
 /// same checkpoint. The run's own `config.toml` keeps it.
 fn checkpoint_settings(config: &RunConfig) -> Result<String> {
-    RunConfig { time_secs: None, ..config.clone() }.to_toml()
+    RunConfig { time_secs: None, most_steps: None, ..config.clone() }.to_toml()
 }
 
 /// Name of a stop reason in `metrics.jsonl` and `summary.json`.
@@ -339,11 +350,19 @@ fn read_metrics(path: &Path) -> Result<String> {
     }
 }
 
-/// Opens `metrics.jsonl` for appending, without the lines of steps after `done`.
-fn open_metrics(path: &Path, done: u32) -> Result<File> {
+/// Opens `metrics.jsonl` for appending, without the lines of steps after `done`; with the steps of interim checkpoints that
+/// it tells of.
+fn open_metrics(path: &Path, done: u32) -> Result<(File, Vec<u32>)> {
     let kept = if done > 0 { read_metrics(path)? } else { String::new() };
+    let mut interim: Vec<u32> = Vec::new();
     let is_earlier = |line: &&str| {
         let value: Value = serde_json::from_str(line).unwrap_or_default();
+        if value["event"] == "checkpoint"
+            && let Some(step) = value["step"].as_u64().filter(|&step| step <= u64::from(done))
+        {
+            interim.retain(|&other| u64::from(other) != step);
+            interim.extend((value["is_interim"] == true).then_some(step as u32));
+        }
         match value["event"].as_str() {
             Some("started" | "warning") => true,
             Some("finished") | None => false,
@@ -352,5 +371,6 @@ fn open_metrics(path: &Path, done: u32) -> Result<File> {
     };
     let kept: String = kept.lines().filter(is_earlier).flat_map(|line| [line, "\n"]).collect();
     atomic_file::write(path, kept.as_bytes())?;
-    File::options().append(true).open(path).map_err(|e| Error::io(path, e))
+    let file = File::options().append(true).open(path).map_err(|e| Error::io(path, e))?;
+    Ok((file, interim))
 }

@@ -90,7 +90,7 @@ fn play(recorder: &mut Recorder<'_>, views: &TestViews, done: u32, steps: u32) -
         };
         let last = step == steps;
         recorder.record(&TrainEvent::Evaluated { step, evaluation: &evaluation, point: &point, last })?;
-        recorder.record(&TrainEvent::Checkpoint { state: &state(step) })?;
+        recorder.record(&TrainEvent::Checkpoint { state: &state(step), is_interim: false })?;
     }
     recorder.record(&TrainEvent::Finished { reason: StopReason::Steps })
 }
@@ -195,6 +195,30 @@ fn events_fill_the_run_folder() {
     let mut read = RunConfig::read(&folder.config()).unwrap();
     read.version.clear();
     assert_eq!(read, config(20, SaveImages::Last));
+}
+
+#[test]
+fn an_interim_checkpoint_is_replaced_by_the_next() {
+    let dir = tempfile::tempdir().unwrap();
+    let (views, config) = (test_views(&["a.jpg"]), config(90, SaveImages::None));
+    // Checkpoints of a part of a run, after `done` steps; those in the folder after each.
+    let part = |done: u32, saved: &[(u32, bool)]| -> Vec<Vec<u32>> {
+        let folder = RunFolder::reopen(dir.path(), RunLock::take(dir.path()).unwrap()).unwrap();
+        let mut recorder = Recorder::new(&folder, &views, &config, done, || 1.5).unwrap();
+        let save = |&(step, is_interim): &(u32, bool)| {
+            recorder.record(&TrainEvent::Checkpoint { state: &state(step), is_interim }).unwrap();
+            let names = files_below(&dir.path().join("checkpoints"));
+            assert_eq!(names.len() % 2, 0, "each with its history: {names:?}");
+            let steps =
+                names.iter().filter_map(|name| name.strip_prefix("step-")?.strip_suffix(".safetensors"));
+            steps.map(|step| step.parse().unwrap()).collect()
+        };
+        saved.iter().map(save).collect()
+    };
+    assert_eq!(part(0, &[(10, false), (20, true), (30, true)]), [vec![10], vec![10, 20], vec![10, 30]]);
+    // Resumed after a kill; one that is saved again for good stays.
+    let expected = [vec![10, 40], vec![10, 40], vec![10, 40, 50], vec![10, 40, 60], vec![10, 40, 60]];
+    assert_eq!(part(30, &[(40, true), (40, false), (50, true), (60, false), (60, false)]), expected);
 }
 
 #[test]

@@ -50,7 +50,8 @@ pub struct Situation {
     pub keeps_size: bool,
     /// Views evaluated at once.
     pub threads: f64,
-    /// The most steps that pay, if more time need not be used.
+    /// The most steps that pay, if nobody asked for the time: then it need not be used, and may be exceeded where it is too
+    /// short.
     pub enough_steps: Option<u32>,
 }
 
@@ -59,6 +60,10 @@ pub struct Situation {
 pub struct Plan {
     /// Steps, corrected while they go on.
     pub steps: u32,
+    /// Bound of the steps.
+    pub most_steps: u32,
+    /// Whether it will be over in time.
+    pub fits: bool,
     /// Bound of the longer side, pixels; `None`: as loaded.
     pub max_resolution: Option<u32>,
     /// When it will be over, seconds after the start.
@@ -135,11 +140,14 @@ impl Situation {
         (60..=2_000).step_by(10).find(|&steps| prunes(steps)).unwrap_or(60)
     }
 
+    /// The most steps of a run that has all the time.
+    fn most_steps(&self, config: &TrainConfig) -> u32 {
+        self.enough_steps.map_or(MOST_STEPS, |enough| MOST_STEPS.min(enough.max(self.least_steps(config))))
+    }
+
     /// The most steps for which there is time.
-    fn most_steps(&self, config: &TrainConfig, side_px: u32) -> u32 {
-        let most = self
-            .enough_steps
-            .map_or(MOST_STEPS, |enough| MOST_STEPS.min(enough.max(self.least_steps(config))));
+    fn affordable_steps(&self, config: &TrainConfig, side_px: u32) -> u32 {
+        let most = self.most_steps(config);
         let (mut fits, mut too_many) = (0, most + 1);
         while fits + 1 < too_many {
             let middle = fits.midpoint(too_many);
@@ -152,7 +160,7 @@ impl Situation {
         fits
     }
 
-    /// The plan.
+    /// The plan. Where nobody asked for the time and it is too short, the shortest possible.
     ///
     /// # Errors
     /// [`Error::Usage`] if the time is too short, with the shortest that is not.
@@ -161,11 +169,12 @@ impl Situation {
         let sides: Vec<u32> = smaller.chain([self.side_px]).collect();
         let least = self.least_steps(config);
         let wanted = WANTED_STEPS.min(self.enough_steps.unwrap_or(WANTED_STEPS)).max(least);
-        let steps_at = |side: u32| self.most_steps(config, side);
+        let steps_at = |side: u32| self.affordable_steps(config, side);
         let enough = sides.iter().rev().find(|&&side| steps_at(side) >= wanted);
         let side = *enough.unwrap_or(&sides[0]);
-        let steps = steps_at(side);
-        if steps < least {
+        let affordable = steps_at(side);
+        let fits = affordable >= least;
+        if !fits && self.enough_steps.is_none() {
             let shortest = self.secs(config, least, side).0.ceil();
             return Err(Error::Usage(format!(
                 "--time {}: too short for this capture on this device: the shortest is about {}, of which {} are gone \
@@ -175,8 +184,16 @@ impl Situation {
                 format_duration(self.gone_secs)
             )));
         }
+        let steps = affordable.max(least);
         let (done_secs, end_secs) = self.secs(config, steps, side);
-        Ok(Plan { steps, max_resolution: (side < self.side_px).then_some(side), done_secs, end_secs })
+        Ok(Plan {
+            steps,
+            most_steps: self.most_steps(config),
+            fits,
+            max_resolution: (side < self.side_px).then_some(side),
+            done_secs,
+            end_secs,
+        })
     }
 }
 
@@ -222,9 +239,27 @@ mod tests {
         let enough = Situation { enough_steps: Some(4_000), ..small }.plan(&config).unwrap();
         assert!(enough.steps == 4_000 && enough.done_secs < 0.3 * plan.done_secs, "{enough:?}");
         let large = Situation { enough_steps: Some(12_000), ..FOX };
-        assert_eq!(large.plan(&config).unwrap(), of(600.0));
+        assert_eq!(large.plan(&config).unwrap(), Plan { most_steps: 12_000, ..of(600.0) });
         let kept = Situation { keeps_size: true, ..FOX }.plan(&config).unwrap();
         assert_eq!(kept.max_resolution, None);
+    }
+
+    #[test]
+    fn a_time_that_nobody_asked_for_is_exceeded_where_it_is_too_short() {
+        let config = TrainConfig::default();
+        let asked = Situation { time_secs: 60.0, keeps_size: true, ..FOX };
+        assert!(asked.plan(&config).is_err());
+        let plan = Situation { enough_steps: Some(8_600), ..asked }.plan(&config).unwrap();
+        let least = FOX.least_steps(&config);
+        assert!(!plan.fits && plan.steps == least && plan.done_secs > 60.0, "{plan:?}");
+        // Negative control: a time that is enough is kept.
+        let enough = Situation { enough_steps: Some(8_600), time_secs: 1.2 * plan.done_secs, ..asked };
+        let plan = enough.plan(&config).unwrap();
+        assert!(plan.fits && plan.steps > least && plan.done_secs <= enough.time_secs, "{plan:?}");
+        // Even with the smallest images.
+        let hopeless = Situation { time_secs: 1.0, keeps_size: false, enough_steps: Some(8_600), ..FOX };
+        let plan = hopeless.plan(&config).unwrap();
+        assert_eq!((plan.fits, plan.max_resolution), (false, Some(SIDES_PX[0])));
     }
 
     #[test]

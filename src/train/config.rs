@@ -130,8 +130,11 @@ pub struct TrainConfig {
     pub random_background: bool,
     /// Steps between evaluations of the test views; 0: only at the end. Default 0: does not change the model.
     pub eval_every: u32,
-    /// Steps between checkpoints; 0: only at the end. Default 0: does not change the model.
+    /// Steps between checkpoints, all of which are kept; 0: one at the end. Default 0: does not change the model.
     pub save_every: u32,
+    /// Where `save_every` is 0: seconds after which an interim checkpoint replaces the one before it, so that a run that is
+    /// killed can be resumed; 0: never. Default 60 (what a power cut may cost): does not change the model.
+    pub save_secs: u32,
     /// Weights of the loss terms.
     pub loss: LossWeights,
     /// Learning rates and their schedule.
@@ -159,6 +162,7 @@ impl Default for TrainConfig {
             random_background: false,
             eval_every: 0,
             save_every: 0,
+            save_secs: 60,
             loss: LossWeights::default(),
             rates: RateConfig::default(),
         }

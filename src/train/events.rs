@@ -117,6 +117,8 @@ pub enum TrainEvent<'a> {
     Checkpoint {
         /// The state, complete enough to continue bit for bit.
         state: &'a TrainState,
+        /// Whether it is only to outlive a crash: the next checkpoint replaces it.
+        is_interim: bool,
     },
     /// The model that the consumer asked for with [`Control::Snapshot`]. Taking it changes no bit of the training, and does not
     /// count as training time.

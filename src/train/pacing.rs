@@ -12,7 +12,7 @@ const MILESTONES: [f64; 6] = [0.12, 0.3, 0.5, 0.64, 0.84, 0.93];
 const GROWING: [f64; 2] = [0.4, 2.5];
 const PRUNED: [f64; 2] = [0.2, 5.0];
 
-/// No run gets longer than the published timetable.
+/// No run with a time gets longer than the published timetable.
 pub const MOST_STEPS: u32 = 30_000;
 
 /// The time of a run.
@@ -22,6 +22,8 @@ pub struct Timing<'a> {
     pub now: &'a dyn Fn() -> f64,
     /// When the run should be over, to the exit of the program; `None`: when its steps are done.
     pub deadline_secs: Option<f64>,
+    /// With a deadline: the run is not made longer than this, and ends early if there is time left then. [`MOST_STEPS`], or fewer.
+    pub most_steps: u32,
     /// What a step costs on this device, as far as it is known.
     pub costs: super::step_costs::StepCosts,
     /// Seconds from the last step to the exit of the program.
@@ -42,27 +44,26 @@ pub fn all_decided(schedule: &Schedule, before: u32) -> bool {
     MILESTONES.iter().all(|&share| share <= schedule.share(before))
 }
 
-/// Steps left that take `secs` with all else, within what may be decided.
-fn steps_left(schedule: &Schedule, step: u32, remaining: &Remaining, secs: f64) -> f64 {
+/// Steps left that take `secs` with all else, within what may be decided, of a run that gets no longer than `most_steps`.
+fn steps_left(schedule: &Schedule, step: u32, remaining: &Remaining, (secs, most_steps): (f64, u32)) -> f64 {
     let per_step = remaining.steps_secs / f64::from(schedule.last_step - step).max(1.0);
     let affordable = (secs - remaining.other_secs()) / per_step.max(f64::MIN_POSITIVE);
     let original = schedule.original_steps_left(step);
     let [least, most] = if schedule.prunes_by(step) { PRUNED } else { GROWING };
-    affordable.clamp(least * original, most * original)
+    let bound = f64::from(most_steps.max(schedule.last_step).saturating_sub(step));
+    affordable.clamp(least * original, most * original).min(bound)
 }
 
-/// What the rest takes if it is decided now, to take `secs`.
-pub fn eta_secs(schedule: &Schedule, step: u32, remaining: &Remaining, secs: f64) -> f64 {
+/// What the rest takes if it is decided now, to take `secs` with `most_steps` at most.
+pub fn eta_secs(schedule: &Schedule, step: u32, remaining: &Remaining, bounds: (f64, u32)) -> f64 {
     let left = f64::from(schedule.last_step - step);
     if left == 0.0 {
         return remaining.secs();
     }
-    remaining.other_secs() + remaining.steps_secs / left * steps_left(schedule, step, remaining, secs)
+    remaining.other_secs() + remaining.steps_secs / left * steps_left(schedule, step, remaining, bounds)
 }
 
-/// The step at which the run should end so that its rest takes `secs`.
-pub fn last_step(schedule: &Schedule, step: u32, remaining: &Remaining, secs: f64) -> u32 {
-    let steps = steps_left(schedule, step, remaining, secs).round().max(1.0);
-    let bound = MOST_STEPS.max(schedule.last_step);
-    (f64::from(step) + steps).min(f64::from(bound)) as u32
+/// The step at which the run should end so that its rest takes `secs`, with `most_steps` of the whole run at most.
+pub fn last_step(schedule: &Schedule, step: u32, remaining: &Remaining, bounds: (f64, u32)) -> u32 {
+    step + steps_left(schedule, step, remaining, bounds).round().max(1.0) as u32
 }

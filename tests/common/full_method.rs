@@ -81,7 +81,7 @@ pub fn run_on(
     let (mut saved, mut steps, mut scales, mut largest) = (Vec::new(), Vec::new(), Vec::new(), [0; 3]);
     let mut sink = |event: TrainEvent<'_>| {
         match event {
-            TrainEvent::Checkpoint { state } => saved.push(state.clone()),
+            TrainEvent::Checkpoint { state, .. } => saved.push(state.clone()),
             TrainEvent::DensityControl { counts, size, render_scale, .. } => {
                 steps.push((counts, size.splats, size.texels));
                 scales.push(render_scale);

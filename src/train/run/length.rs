@@ -35,7 +35,8 @@ impl Trainer<'_> {
         }
         let deadline_secs = self.timing.deadline_secs.unwrap_or(f64::INFINITY);
         let left = self.remaining();
-        let last_step = pacing::last_step(&self.schedule, step, &left, deadline_secs - (self.timing.now)());
+        let bounds = (deadline_secs - (self.timing.now)(), self.timing.most_steps);
+        let last_step = pacing::last_step(&self.schedule, step, &left, bounds);
         self.plan.push([step, last_step]);
         self.schedule = self.schedule.changed([step, last_step]);
         sink(TrainEvent::Planned { step, last_step, remaining: self.remaining() })
@@ -47,7 +48,8 @@ impl Trainer<'_> {
         let last_decided = pacing::all_decided(&self.schedule, self.decided_at());
         match self.timing.deadline_secs.filter(|_| !last_decided) {
             Some(deadline_secs) => {
-                pacing::eta_secs(&self.schedule, self.state.step, &left, deadline_secs - (self.timing.now)())
+                let bounds = (deadline_secs - (self.timing.now)(), self.timing.most_steps);
+                pacing::eta_secs(&self.schedule, self.state.step, &left, bounds)
             }
             None => left.secs(),
         }

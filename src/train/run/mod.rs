@@ -15,7 +15,7 @@ use super::eta::{Course, Eta};
 use super::events::{Control, Sink, StopReason, TrainEvent};
 use super::expected_size::ExpectedSize;
 use super::limits::check_limits;
-use super::pacing::Timing;
+use super::pacing::{MOST_STEPS, Timing};
 use super::prune::{Pruned, Round, TrainingViews};
 use super::schedule::{MOST_PROBES, Schedule};
 use super::state::{SizeFigures, TrainState};
@@ -45,7 +45,13 @@ pub fn train(
 ) -> Result<(TrainState, StopReason)> {
     let began = Instant::now();
     let now = || began.elapsed().as_secs_f64();
-    let timing = Timing { now: &now, deadline_secs: None, costs: StepCosts::CPU, end_secs: 0.0 };
+    let timing = Timing {
+        now: &now,
+        deadline_secs: None,
+        most_steps: MOST_STEPS,
+        costs: StepCosts::CPU,
+        end_secs: 0.0,
+    };
     train_by(&timing, config, backend, views, start, sink)
 }
 
@@ -113,6 +119,7 @@ pub fn train_by(
         targets,
         size,
         state: start,
+        saved_secs: clock.began_secs,
     };
     trainer.begin_stage(trainer.state.stage_step);
     // The analysis of the photos is part of the training time.
@@ -134,14 +141,14 @@ impl Trainer<'_> {
             Ok(reason) => reason,
             Err(error) => {
                 // An unreadable photo must not cost the work so far. Only the first error is reported.
-                let _ = self.checkpoint(sink);
+                let _ = self.checkpoint(false, sink);
                 return Err(error);
             }
         };
         // Saved before the evaluation, which may fail to read photos, and again with its figures.
-        self.checkpoint(sink)?;
+        self.checkpoint(false, sink)?;
         if reason != StopReason::Consumer && self.evaluate(true, sink)? != Control::Stop {
-            self.checkpoint(sink)?;
+            self.checkpoint(false, sink)?;
         }
         sink(TrainEvent::Finished { reason })?;
         Ok((self.state.clone(), reason))
@@ -169,7 +176,10 @@ impl Trainer<'_> {
                 control = self.evaluate(false, sink)?;
             }
             if control != Control::Stop && self.is_due(self.config.save_every, self.state.step) {
-                self.checkpoint(sink)?;
+                self.checkpoint(false, sink)?;
+            }
+            if control != Control::Stop && self.is_interim_due() {
+                self.checkpoint(true, sink)?;
             }
             if control == Control::Stop {
                 return Ok(StopReason::Consumer);
@@ -181,6 +191,16 @@ impl Trainer<'_> {
     /// Whether something done every `every` steps is due after `step`. The last step is handled separately.
     fn is_due(&self, every: u32, step: u32) -> bool {
         every > 0 && step > 0 && step.is_multiple_of(every) && step < self.last_step()
+    }
+
+    /// Whether a crash would now cost more than the settings allow.
+    fn is_interim_due(&self) -> bool {
+        let TrainConfig { save_every, save_secs, .. } = *self.config;
+        let since_secs = (self.timing.now)() - self.saved_secs;
+        save_every == 0
+            && save_secs > 0
+            && since_secs >= f64::from(save_secs)
+            && self.state.step < self.schedule.last_step
     }
 
     fn evaluated_at(&self) -> Option<u32> {

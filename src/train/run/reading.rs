@@ -66,10 +66,11 @@ impl Trainer<'_> {
         sink(TrainEvent::Evaluated { step, evaluation: &evaluation, point: &point, last })
     }
 
-    pub(super) fn checkpoint(&mut self, sink: Sink<'_>) -> Result<()> {
+    pub(super) fn checkpoint(&mut self, is_interim: bool, sink: Sink<'_>) -> Result<()> {
         (self.state.model, self.state.adam) = self.backend.read_back()?;
         self.state.window = self.backend.read_statistics()?;
-        sink(TrainEvent::Checkpoint { state: &self.state })?;
+        sink(TrainEvent::Checkpoint { state: &self.state, is_interim })?;
+        self.saved_secs = (self.timing.now)();
         Ok(())
     }
 }

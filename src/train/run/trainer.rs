@@ -34,6 +34,8 @@ pub struct Trainer<'a> {
     /// Splats and texels of the backend's model; the model of the state is that of the last checkpoint.
     pub size: SizeFigures,
     pub state: TrainState,
+    /// When the last checkpoint was made, or training began.
+    pub saved_secs: f64,
 }
 
 /// Start of a span of training time.
