@@ -15,6 +15,7 @@ use litetex_gs::capture::Capture;
 use litetex_gs::console::{Interrupt, Log, Output, device};
 use litetex_gs::memory::machine_bytes;
 use litetex_gs::run::{Recorder, ResourceEstimate, Summary, Workload, fresh_state};
+use litetex_gs::text::shell_word;
 use litetex_gs::train::{MOST_STEPS, Schedule, StopReason, Timing, TrainState, check_limits, train_by};
 use litetex_gs::views::{Split, ViewSource as _};
 use litetex_gs::{Error, Report, Result};
@@ -53,8 +54,8 @@ pub fn run(mut args: TrainArgs, nth: Option<usize>, log: &Log) -> Result<Output>
             let what = format!(
                 "{}: train has no --origin; write it with: litetex export {} {} {ORIGIN_OPTION} --force",
                 file.display(),
-                run.display(),
-                file.display()
+                shell_word(&run),
+                shell_word(&file)
             );
             log.warn("needs-origin", &what, 1);
         }
@@ -165,7 +166,7 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<FinishedRun> {
         log.info(&format!(
             "saved {}; continue with: litetex train --resume {}",
             saved.display(),
-            folder.root().display()
+            shell_word(folder.root())
         ));
         return Err(Error::Interrupted);
     }
