@@ -101,7 +101,11 @@ pub fn find(rotations: impl IntoIterator<Item = DMat3>, stated: Option<DVec3>) -
     };
     let (found, apart_degrees) = match fitted {
         Some(fit) if !fit.is_open() && fit.error_degrees <= ERROR_MAX_DEGREES => {
-            let found = up(signed(&fit, &photos), UpSource::LevelPhotos);
+            let level = signed(&fit, &photos);
+            let rival = fit.rival.map(|vertical| signed(&Fit { vertical, ..fit }, &photos));
+            let half_apart = rival.map_or(0.0, |rival| 0.5 * degrees(rival.dot(level)));
+            let found = up(level, UpSource::LevelPhotos);
+            let found = Up { error_degrees: found.error_degrees.map(|e| e.max(half_apart)), ..found };
             (found, stated.map(|stated| degrees(found.in_capture.dot(stated))))
         }
         _ => {
