@@ -13,6 +13,14 @@ use glam::{DMat3, DVec3};
 /// 0.0006 and 0.247; fox 0.0017 and 0.251; lego 0 and 0.442.
 const OPEN_BELOW: f64 = 0.03;
 
+/// Photos in portrait have a pitch of up to 60 degrees ([`PORTRAIT_RISE`]), as two thirds of all angles are.
+const PITCHED: f64 = 1.5;
+
+/// How much more probable than one of any angle is the pitch of an upright photo that looks ahead, and less of one upside down.
+/// Measured: with the last, and without it, of 48 captures of 32 photos, half in portrait to either side, with a roll of 12
+/// degrees, 2 and 18 are off by more than 25 degrees, of those over a third of a circle 5 and 35.
+const UPRIGHT: f64 = 0.9;
+
 /// A photo counts as level up to this roll, as a sine.
 const LEVEL_SIN: f64 = 0.1736; // 10 degrees
 
@@ -170,13 +178,15 @@ pub(super) fn fit(photos: &[Axes]) -> Option<Fit> {
 
     let plain: Vec<(DVec3, f64)> = photos.iter().map(|p| (p.right, 1.0)).collect();
     let right_axes = covariance(plain.iter().copied());
-    let likelihood = plain_likelihood(photos.len(), eigen(right_axes).0[0]);
+    let pitches = |up: DVec3| photos.iter().map(|p| upright(p, up).ln()).sum::<f64>();
+    let across = DMat3::IDENTITY * (1.0 + STEEP) - covariance(photos.iter().map(|p| (p.forward, 1.0)));
+    let plain = Fit::of(photos, least_ratio(right_axes, across), &plain);
+    let likelihood = plain_likelihood(photos.len(), eigen(right_axes).0[0])
+        + pitches(plain.vertical).max(pitches(-plain.vertical));
     let aside = |up| if is_aside(up) { GAIN_MIN_ASIDE / photos.len() as f64 } else { 0.0 };
     // What a mixture gains over least squares.
     let gain =
         |mixed: f64, up: DVec3| mixed - likelihood - GAIN_MIN + GAIN_LESS * photos.len() as f64 - aside(up);
-    let across = DMat3::IDENTITY * (1.0 + STEEP) - covariance(photos.iter().map(|p| (p.forward, 1.0)));
-    let plain = Fit::of(photos, least_ratio(right_axes, across), &plain);
     let chosen = mixed.filter(|(mixed, fit)| gain(*mixed, fit.vertical) > 0.0);
     let (chosen_gain, chosen) = chosen.map_or((0.0, plain), |(mixed, fit)| (gain(mixed, fit.vertical), fit));
     let readings = readings.iter().map(|(score, up)| (gain(*score, *up), *up));
@@ -193,6 +203,11 @@ pub(super) fn fit_portrait(photos: &[Axes], near: DVec3) -> Option<Fit> {
     let fits = mixtures.into_iter().map(|mixture| (mixture.refined(photos, near), mixture));
     let ((_, up), mixture) = fits.max_by(|a, b| a.0.0.total_cmp(&b.0.0))?;
     Some(mixture.fit(photos, up))
+}
+
+/// How much more probable a photo's pitch is than one of any angle. Photos are seldom upside down.
+fn upright(photo: &Axes, up: DVec3) -> f64 {
+    1.0 - UPRIGHT * photo.down.dot(up)
 }
 
 /// Log likelihood of right axes without a mixture, by the mean of their squares along up.
@@ -212,7 +227,7 @@ fn proposals(photos: &[Axes]) -> Vec<DVec3> {
             proposed.extend(pairs.iter().filter_map(|(a, b)| a.cross(*b).try_normalize()));
         }
     }
-    proposed
+    proposed.iter().flat_map(|up| [*up, -*up]).collect()
 }
 
 /// At most `count` photos, evenly taken.
@@ -249,10 +264,14 @@ impl Mixture {
         };
         let (right, down) = (photo.right.dot(up), photo.down.dot(up));
         let [landscape, portrait, anyhow, careless] = self.shares;
-        let landscape = normal(landscape, right, self.roll_sin);
+        let landscape = normal(landscape, right, self.roll_sin) * upright(photo, up);
         let rises = right.abs() >= PORTRAIT_RISE && portrait > 0.0;
-        let portrait = if rises { normal(portrait, down, self.roll_sin) } else { 0.0 };
-        let careless = if careless > 0.0 { normal(careless, right, CARELESS * self.roll_sin) } else { 0.0 };
+        let portrait = if rises { PITCHED * normal(portrait, down, self.roll_sin) } else { 0.0 };
+        let careless = if careless > 0.0 {
+            normal(careless, right, CARELESS * self.roll_sin) * upright(photo, up)
+        } else {
+            0.0
+        };
         [landscape, portrait, careless, landscape + portrait + careless + 0.5 * anyhow]
     }
 
@@ -277,6 +296,7 @@ impl Mixture {
         let mut best = (self.likelihood(photos, near), near);
         for _ in 0..ROUNDS {
             let next = eigen(covariance(self.level(photos, best.1).into_iter())).1[0];
+            let next = if next.dot(best.1) < 0.0 { -next } else { next };
             let likelihood = self.likelihood(photos, next);
             if likelihood <= best.0 {
                 break;
