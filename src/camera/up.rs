@@ -79,7 +79,8 @@ pub struct Up {
     pub photos: usize,
     /// Eigenvalues of the covariance of the photos' level axes about the origin, ascending; their sum is 1.
     pub eigenvalues: [f64; 3],
-    /// Expected error, degrees, by how much the photos are rolled; `None` where they all face alike.
+    /// Expected error, degrees: by how much the photos are rolled, or half the angle to another direction that is nearly as
+    /// probable; `None` where they all face alike.
     pub error_degrees: Option<f64>,
     /// Degrees between what the photos leave possible and the up that the pose format states; `None` if it states none.
     pub apart_degrees: Option<f64>,
