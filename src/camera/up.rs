@@ -79,7 +79,8 @@ pub struct Up {
     pub photos: usize,
     /// Eigenvalues of the covariance of the photos' level axes about the origin, ascending; their sum is 1.
     pub eigenvalues: [f64; 3],
-    /// Expected error, degrees, by how much the photos are rolled; `None` where they all face alike.
+    /// Expected error, degrees: by how much the photos are rolled, or half the angle to another direction that is nearly as
+    /// probable; `None` where they all face alike.
     pub error_degrees: Option<f64>,
     /// Degrees between what the photos leave possible and the up that the pose format states; `None` if it states none.
     pub apart_degrees: Option<f64>,
@@ -101,7 +102,11 @@ pub fn find(rotations: impl IntoIterator<Item = DMat3>, stated: Option<DVec3>) -
     };
     let (found, apart_degrees) = match fitted {
         Some(fit) if !fit.is_open() && fit.error_degrees <= ERROR_MAX_DEGREES => {
-            let found = up(signed(&fit, &photos), UpSource::LevelPhotos);
+            let level = signed(&fit, &photos);
+            let rival = fit.rival.map(|vertical| signed(&Fit { vertical, ..fit }, &photos));
+            let half_apart = rival.map_or(0.0, |rival| 0.5 * degrees(rival.dot(level)));
+            let found = up(level, UpSource::LevelPhotos);
+            let found = Up { error_degrees: found.error_degrees.map(|e| e.max(half_apart)), ..found };
             (found, stated.map(|stated| degrees(found.in_capture.dot(stated))))
         }
         _ => {
