@@ -50,6 +50,41 @@ fn photos_without_a_pose_are_counted_for_every_form() {
 }
 
 #[test]
+fn what_programs_put_beside_photos_is_no_photo_without_a_pose() {
+    let made = [
+        "dynamic_mask_p01.png",
+        "thumb_p02.png",
+        "p03.png.mask.png",
+        "p04.jpg",
+        "p05.PNG",
+        ".p05.png",
+        "masks/p01.png",
+        "depth_maps/q1.png",
+        "@eaDir/p01.png",
+        ".thumb/q1.png",
+        "q1.png",
+        "q1_mask.png",
+        "mask_q1.png",
+    ];
+    for folder in [transforms(|json| json.to_string()), text_model(&Scene::ring(12))] {
+        let images = folder.path().join("images");
+        for inner in ["masks", "depth_maps", "@eaDir", ".thumb"] {
+            std::fs::create_dir(images.join(inner)).unwrap();
+        }
+        // On disks that ignore case, p05.PNG is p05.png itself.
+        add_photos(folder.path(), made.into_iter().map(str::to_owned));
+        let message = warning(&load(folder.path()).unwrap(), "photos-not-registered", 1);
+        assert!(message.contains("1 of 13 photos have no pose"), "q1.png alone is one: {message}");
+    }
+    // Negative controls: folders of a sparse model, and names that only share an end or a number.
+    let folder = text_model(&Scene::ring(12));
+    std::fs::create_dir(folder.path().join("images/left")).unwrap();
+    let names = ["left/p01.png", "left-p01.png", "maskp02.png"];
+    add_photos(folder.path(), names.into_iter().map(str::to_owned));
+    assert!(warning(&load(folder.path()).unwrap(), "photos-not-registered", 3).contains("3 of 15"));
+}
+
+#[test]
 fn points_beside_poses_without_points_are_named() {
     let folder = transforms(|json| json.to_string());
     assert!(!has_warning(&load(folder.path()).unwrap(), "points-beside-not-used"), "negative control");
@@ -139,4 +174,21 @@ fn validation_views_beside_test_views_are_named() {
     let capture = load(root).unwrap();
     assert_eq!((capture.views.len(), held_out(&capture), capture.points.len()), (10, 2, 5));
     assert!(!has_warning(&capture, "validation-views-not-used") && capture.split_by.contains("_val"));
+    std::fs::rename(root.join("transforms_val.json"), root.join("transforms_eval.json")).unwrap();
+    let capture = load(root).unwrap();
+    assert!(held_out(&capture) == 2 && capture.split_by.contains("_eval"), "{}", capture.split_by);
+}
+
+#[test]
+fn a_json_wins_over_the_model_that_it_was_made_of() {
+    for (place, format) in [("colmap/sparse/0", "transforms"), ("sparse/0", "colmap")] {
+        let folder = transforms(|mut json| {
+            json["test_filenames"] = serde_json::json!(["images/p03.png"]);
+            json.to_string()
+        });
+        Scene::ring(12).write_text(&folder.path().join(place));
+        let capture = load(folder.path()).unwrap();
+        assert_eq!(capture.format.name(), format, "{place}");
+        assert_eq!(capture.split_by.contains("test_filenames"), format == "transforms");
+    }
 }

@@ -2,7 +2,6 @@
 //! split, and move everything into the local frame.
 
 use super::folder::CaptureFolder;
-use super::health::PhotosOnDisk;
 use super::loaded::Capture;
 use super::options::{CaptureFormat, LoadOptions};
 use super::pose_format::Found;
@@ -97,10 +96,8 @@ fn load_folder(path: &Path, options: &LoadOptions, archive: Option<&Unpacked>) -
     sort_by_name(&mut source);
     let photos = photo_files::photo_folder(&folder, &source)?;
     let has_observations = format.entry().has_observations;
-    let on_disk = match has_observations {
-        true => PhotosOnDisk { present: photos.count(), posed: photo_files::count_posed(&photos, &source)? },
-        false => unposed::count(&source),
-    };
+    // Sparse models name photos in the photo folder, other forms anywhere.
+    let on_disk = unposed::count(&source, &photos, has_observations);
     on_disk.warn(&mut report);
     let health = has_observations
         .then(|| health::check(&source, capture_from_local.scale, on_disk.present, &mut report));

@@ -8,7 +8,7 @@ use super::photo_folder::{Match, PhotoFolder};
 use super::source::{Source, UnusedView, Why, first_names, first_paths};
 use crate::text::{self, quoted, shell_word};
 use crate::{Error, Report, Result};
-use std::collections::{BTreeSet, HashSet};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// The folder of the photos, which must exist unless the pose file names every photo.
@@ -39,21 +39,6 @@ pub(super) fn photo_folder(folder: &CaptureFolder, source: &Source) -> Result<Ph
         "no folder of photos; expected photos such as {} there: {named}",
         quoted(example.map_or("0001.jpg", String::as_str))
     ))
-}
-
-/// Number of photos that have a pose, whether their views are used or not.
-pub(super) fn count_posed(folder: &PhotoFolder, source: &Source) -> Result<usize> {
-    let mut posed = HashSet::new();
-    for view in &source.views {
-        posed.extend(match &view.photo {
-            Some(photo) => Some(photo.path.clone()),
-            None => folder.find(&view.name)?.map(|photo| photo.path),
-        });
-    }
-    for view in source.unused.iter().filter(|v| v.why != Why::NoPose) {
-        posed.extend(folder.find(&view.name)?.map(|photo| photo.path));
-    }
-    Ok(posed.len())
 }
 
 /// Leaves photos to the views that they belong to; the others have none.

@@ -174,23 +174,6 @@ impl PhotoFolder {
             .or_else(|| self.with_stem(name, name))
             .or_else(|| self.at(name)))
     }
-
-    /// Number of photos in the folder and its subfolders.
-    pub fn count(&self) -> usize {
-        let mut folders = vec![self.path.clone()];
-        let mut count = 0;
-        while let Some(folder) = folders.pop() {
-            for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
-                // `file_type` does not follow links, so the walk ends.
-                match entry.file_type() {
-                    _ if is_of_macos(&entry.file_name()) => {}
-                    Ok(kind) if kind.is_dir() => folders.push(entry.path()),
-                    _ => count += usize::from(extensions::is_read(&entry.path())),
-                }
-            }
-        }
-        count
-    }
 }
 
 #[cfg(test)]
@@ -255,7 +238,6 @@ mod tests {
             let found = photos.find(name).unwrap().map(|found| found.path);
             assert_eq!(found, expected.map(|expected| folder.path().join(expected)), "{name}");
         }
-        assert_eq!(photos.count(), 11);
     }
 
     #[test]

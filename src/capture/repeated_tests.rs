@@ -36,6 +36,35 @@ fn a_view_that_is_repeated_counts_once() {
 }
 
 #[test]
+fn last_digits_make_no_second_pose() {
+    let again_by = |by: f64, key: &str| {
+        transforms(|mut json| {
+            let mut again = json["frames"][3].clone();
+            let fl_x = json["fl_x"].as_f64().unwrap();
+            again["fl_x"] = serde_json::json!(if key == "fl_x" { fl_x * (1.0 + by) } else { fl_x });
+            for row in 0..3 {
+                for column in 0..if key == "pose" { 4 } else { 0 } {
+                    let number = again["transform_matrix"][row][column].as_f64().unwrap();
+                    again["transform_matrix"][row][column] = (number + by).into();
+                }
+            }
+            json["frames"].as_array_mut().unwrap().push(again);
+            json.to_string()
+        })
+    };
+    for key in ["pose", "fl_x"] {
+        let capture = load(again_by(1e-7, key).path()).unwrap();
+        assert_eq!(capture.views.len(), 12, "{key}");
+        assert!(warning(&capture, "views-repeated", 1).contains("1 photo"));
+        let capture = load(again_by(1e-3, key).path()).unwrap();
+        assert!(
+            capture.views.len() == 11 && has_warning(&capture, "views-with-several-poses"),
+            "negative control"
+        );
+    }
+}
+
+#[test]
 fn a_photo_with_two_poses_is_left_out_up_to_a_tenth() {
     for folder in twice(true) {
         let capture = load(folder.path()).unwrap();

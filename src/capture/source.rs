@@ -70,7 +70,7 @@ impl Why {
             Self::Bad => "marked as bad by the author",
             Self::Apart => "not aligned with the others",
             Self::Unlisted => "on no side of the split",
-            Self::Validation => "of transforms_val.json beside transforms_test.json",
+            Self::Validation => "of a second set of test views",
             Self::Far => "far from all others",
         }
     }

@@ -3,41 +3,124 @@
 use super::extensions;
 use super::health::PhotosOnDisk;
 use super::paths::{is_of_macos, without_extension};
+use super::photo_folder::PhotoFolder;
 use super::source::{Source, Why};
-use std::collections::{BTreeSet, HashSet};
-use std::path::Path;
+use std::collections::{BTreeMap, BTreeSet, HashSet};
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
 
-/// Counts the photos in the folders in which photos of views lie. Files that are named after a posed photo (`a_depth.png`,
-/// `a.jpg.png`) were made of it, and masks are none.
-pub(super) fn count(source: &Source) -> PhotosOnDisk {
-    let photos: Vec<&Path> = source.views.iter().filter_map(|v| v.photo.as_deref()).collect();
+/// Words, of the names of files and folders, for images that programs make of photos.
+const MADE: [&str; 14] = [
+    "mask",
+    "masks",
+    "depth",
+    "depths",
+    "normal",
+    "normals",
+    "semantic",
+    "semantics",
+    "segmentation",
+    "alpha",
+    "thumb",
+    "thumbs",
+    "thumbnail",
+    "thumbnails",
+];
+
+/// A photo, with or without its extensions and whatever their case: its folder and its stem in lower case.
+type Key = (PathBuf, String);
+
+/// Counts the photos in the folders in which photos of views lie, and with `is_deep` in all of the photo folder. What was made
+/// of a photo beside it (`a_depth.png`, `a.jpg.mask.png`, `dynamic_mask_a.png`) is none, nor are masks, hidden files, and what
+/// folders of masks and the like hold; a photo in two formats is one.
+pub(super) fn count(source: &Source, photos: &PhotoFolder, is_deep: bool) -> PhotosOnDisk {
+    let mut posed = HashSet::<Key>::new();
+    for view in &source.views {
+        match &view.photo {
+            Some(photo) => posed.extend([key(photo)]),
+            // A name that leads out of an archive is refused where the photos are given to their views.
+            None => posed.extend(photos.find(&view.name).ok().flatten().map(|photo| key(&photo))),
+        }
+    }
+    let own: BTreeSet<PathBuf> = posed.iter().map(|(folder, _)| folder.clone()).collect();
+    // Views that are left out are known by their names alone where their photos are elsewhere.
+    let mut unused = HashSet::<String>::new();
+    for view in source.unused.iter().filter(|v| v.why != Why::NoPose) {
+        match photos.find(&view.name).ok().flatten() {
+            Some(photo) => posed.extend([key(&photo)]),
+            None if view.why == Why::NoPhoto => {}
+            None => unused.extend([stem(Path::new(&view.name))]),
+        }
+    }
     let masks: HashSet<&Path> = source.views.iter().filter_map(|v| v.mask.as_deref()).collect();
-    let posed: HashSet<(&Path, String)> =
-        photos.iter().map(|photo| (folder_of(photo), stem(photo))).collect();
-    // Views that are left out are known by their names alone.
-    let unused = source.unused.iter().filter(|v| !matches!(v.why, Why::NoPose | Why::NoPhoto));
-    let unused: HashSet<String> = unused.map(|v| stem(Path::new(&v.name))).collect();
-    let folders: BTreeSet<&Path> = photos.iter().map(|photo| folder_of(photo)).collect();
+    let folders = if is_deep { with_folders_inside(photos.path(), &own) } else { own };
     let mut without = 0;
-    for folder in folders {
-        let is_posed = |stem: &str| unused.contains(stem) || posed.contains(&(folder, stem.to_owned()));
+    for folder in &folders {
+        let mut stems = BTreeMap::<String, bool>::new();
         for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
             let path = entry.path();
-            if !extensions::is_read(&path) || is_of_macos(&entry.file_name()) || masks.contains(&*path) {
-                continue;
+            let is_photo = extensions::is_read(&path) && !is_hidden(&entry.file_name());
+            if is_photo && !path.is_dir() {
+                *stems.entry(stem(&path)).or_default() |= masks.contains(&*path);
             }
-            let stem = stem(&path);
-            let is_made_of_posed =
-                || stem.match_indices(['_', '-', '.']).any(|(at, _)| is_posed(&stem[..at]));
-            without += usize::from(!is_posed(&stem) && !is_made_of_posed());
         }
+        let is_posed =
+            |stem: &str| unused.contains(stem) || posed.contains(&(folder.clone(), stem.to_owned()));
+        let is_open = |(stem, is_mask): &(&String, &bool)| {
+            !**is_mask && !is_posed(stem) && !is_made(stem, &is_posed, &|other| stems.contains_key(other))
+        };
+        without += stems.iter().filter(is_open).count();
     }
     let posed = posed.len() + unused.len();
     PhotosOnDisk { present: posed + without, posed }
 }
 
-fn folder_of(photo: &Path) -> &Path {
-    photo.parent().unwrap_or(Path::new(""))
+/// Whether a stem is that of an image made of a photo: it goes on from that of a posed one, or has a word for such images
+/// before or after that of any photo in the folder.
+fn is_made(stem: &str, is_posed: &dyn Fn(&str) -> bool, is_there: &dyn Fn(&str) -> bool) -> bool {
+    let is_of = |photo: &str, rest: &str| is_posed(photo) || (has_word_of_made(rest) && is_there(photo));
+    stem.match_indices(['_', '-', '.', ' ']).any(|(at, _)| {
+        let (before, after) = (&stem[..at], &stem[at + 1..]);
+        is_of(before, after)
+            || is_of(without_extension(before), after)
+            || (has_word_of_made(before) && (is_posed(after) || is_there(after)))
+    })
+}
+
+fn has_word_of_made(name: &str) -> bool {
+    let mut words = name.split(|c: char| !c.is_alphanumeric());
+    words.any(|word| MADE.iter().any(|made| word.eq_ignore_ascii_case(made)))
+}
+
+/// Whether programs keep something of their own under this name: `.thumb`, `@eaDir`, `__MACOSX`.
+pub(super) fn is_hidden(name: &OsStr) -> bool {
+    is_of_macos(name) || name.to_string_lossy().starts_with(['.', '@'])
+}
+
+/// Whether photos may lie in a folder of this name: it is neither hidden nor one of masks or the like.
+pub(super) fn may_hold_photos(name: &OsStr) -> bool {
+    !is_hidden(name) && !has_word_of_made(&name.to_string_lossy())
+}
+
+/// A folder and those in it that may hold photos or do hold posed ones.
+fn with_folders_inside(root: &Path, own: &BTreeSet<PathBuf>) -> BTreeSet<PathBuf> {
+    let mut found = own.clone();
+    let mut open = vec![root.to_owned()];
+    while let Some(folder) = open.pop() {
+        for entry in std::fs::read_dir(&folder).into_iter().flatten().flatten() {
+            // `file_type` does not follow links, so the walk ends.
+            if entry.file_type().is_ok_and(|kind| kind.is_dir()) && may_hold_photos(&entry.file_name()) {
+                open.push(entry.path());
+            }
+        }
+        // Without the slash at the end that joining nothing leaves.
+        found.insert(folder.components().collect());
+    }
+    found
+}
+
+fn key(photo: &Path) -> Key {
+    (photo.parent().unwrap_or(Path::new("")).components().collect(), stem(photo))
 }
 
 /// The name of a file without extension, in lower case.

@@ -13,25 +13,37 @@ pub(super) struct ByName {
     /// By their paths in the folder that all share: lists may name other folders above it, as those of another computer or
     /// of scaled photos.
     inner: Index,
+    /// Stored paths of the frames.
+    paths: Vec<String>,
 }
 
 /// Frames by paths, with and without extension.
 #[derive(Default)]
-struct Index(HashMap<String, Vec<usize>>);
+struct Index {
+    exact: HashMap<String, Vec<usize>>,
+    /// By paths in lower case: photos are found in any case, so lists find their frames likewise.
+    folded: HashMap<String, Vec<usize>>,
+}
 
 impl Index {
     fn insert(&mut self, path: &str, index: usize) {
         for key in [path, without_extension(path)] {
-            let known = self.0.entry(key.to_owned()).or_default();
-            if known.last() != Some(&index) {
-                known.push(index);
+            let exact = self.exact.entry(key.to_owned()).or_default();
+            for known in [exact, self.folded.entry(key.to_lowercase()).or_default()] {
+                if known.last() != Some(&index) {
+                    known.push(index);
+                }
             }
         }
     }
 
-    /// The extension tells frames apart only where it must.
-    fn find(&self, path: &str) -> Option<&[usize]> {
-        [path, without_extension(path)].into_iter().find_map(|key| self.0.get(key)).map(Vec::as_slice)
+    /// The extension tells frames apart only where it must, the case only where it can; without it, one frame must be left.
+    fn find(&self, path: &str, paths: &[String]) -> Option<&[usize]> {
+        let keys = [path, without_extension(path)];
+        let is_one = |frames: &&Vec<usize>| frames.iter().all(|&frame| paths[frame] == paths[frames[0]]);
+        let exact = keys.iter().find_map(|key| self.exact.get(*key));
+        let in_any_case = || keys.iter().find_map(|key| self.folded.get(&key.to_lowercase()).filter(is_one));
+        exact.or_else(in_any_case).map(Vec::as_slice)
     }
 }
 
@@ -44,7 +56,7 @@ impl ByName {
             ends(path).for_each(|end| by_end.insert(end, index));
             inner.insert(&path[shared..], index);
         }
-        Self { ends: by_end, inner }
+        Self { ends: by_end, inner, paths }
     }
 
     /// The frames that a listed name means: those whose path ends with it, or else those with whose path, in the folder that
@@ -54,8 +66,8 @@ impl ByName {
         if listed.is_empty() {
             return &[];
         }
-        let found = self.ends.find(&listed).or_else(|| ends(&listed).find_map(|end| self.inner.find(end)));
-        found.unwrap_or_default()
+        let inner = || ends(&listed).find_map(|end| self.inner.find(end, &self.paths));
+        self.ends.find(&listed, &self.paths).or_else(inner).unwrap_or_default()
     }
 }
 
@@ -96,12 +108,35 @@ mod tests {
     }
 
     #[test]
+    fn case_tells_frames_apart_only_where_it_can() {
+        let rig = ["images/left/a.png", "images/right/a.png"];
+        for (listed, frames) in [
+            ("images/Left/a.png", &[0][..]),
+            ("/home/me/IMAGES/RIGHT/A.PNG", &[1]),
+            ("right/A", &[1]),
+            ("A.png", &[]),
+            ("images/middle/A.png", &[]),
+        ] {
+            assert_eq!(found(&rig, listed), frames, "{listed}");
+        }
+        let alike = ["images/a.png", "images/A.png", "images/b.png", "images/b.png"];
+        for (listed, frames) in [("a", &[0][..]), ("A.png", &[1]), ("IMAGES/A.PNG", &[1]), ("B", &[2, 3])] {
+            assert_eq!(found(&alike, listed), frames, "{listed}");
+        }
+        assert!(found(&["images/ab.png", "images/aB.png"], "AB").is_empty(), "either may be meant");
+        // A folder in another case goes before a shorter end.
+        assert_eq!(found(&["images/1.png", "images/left/1.png"], "images/Left/1.png"), [1]);
+    }
+
+    #[test]
     fn memory_grows_with_the_length_of_paths_and_not_with_its_square() {
         let long = "a/".repeat(20_000) + "x.png";
         assert_eq!(ends(&long).count(), ENDS_MAX + 1);
         let by_name = ByName::new(&[&long, "images/y.png"]);
-        let stored: usize = by_name.ends.0.keys().chain(by_name.inner.0.keys()).map(String::len).sum();
-        assert!(stored < 5 * long.len(), "{stored} bytes");
+        let bytes =
+            |index: &Index| [&index.exact, &index.folded].map(|m| m.keys().map(String::len).sum::<usize>());
+        let [exact, folded] = [0, 1].map(|i| bytes(&by_name.ends)[i] + bytes(&by_name.inner)[i]);
+        assert!(exact.max(folded) < 5 * long.len(), "{exact} and {folded} bytes");
         assert_eq!((by_name.find(&long), by_name.find("x")), (&[0][..], &[0][..]));
         assert_eq!(by_name.find("a/a/x.png"), [0]);
         assert!(by_name.find(&long.replace('x', "z")).is_empty(), "negative control");

@@ -28,7 +28,8 @@ const DISTORTED: &str = "distorted/sparse";
 
 /// Where other programs put the sparse model of a capture: COLMAP's dense reconstruction, the converter of 3D Gaussian
 /// splatting, and names that people choose. Each is looked at only if there are no poses in the usual places, in this order:
-/// the undistorted models first.
+/// the undistorted models first. nerfstudio keeps the
+/// model that it made `transforms.json` of in `colmap`.
 const PLACES: [&str; 8] = [
     "dense/sparse",
     "dense/0/sparse",
@@ -107,7 +108,7 @@ fn is_model(folder: &Path) -> bool {
 
 /// The sparse model of a capture; warns if there are several.
 fn find_model(root: &Path, report: &mut Report) -> Option<PathBuf> {
-    for base in ["sparse", "colmap/sparse", ""] {
+    for base in ["sparse", ""] {
         let base = root.join(base);
         let mut models: Vec<PathBuf> = std::fs::read_dir(&base)
             .into_iter()

@@ -87,25 +87,22 @@ fn find(path: &Path, _: &mut Report) -> Option<Found> {
     has_files.then(|| Found::new(root, Box::new(read)))
 }
 
-/// The files of a capture with the side of the split that each states. Blender's `transforms_val` serves as test set only
-/// where there is no other: published figures are those of the test set. Where there are no training views, these are all
-/// that there is.
+/// The files of held-out views. The first that is there serves as test set: published figures are those of
+/// `transforms_test.json`.
+const HELD_OUT: [&str; 3] = ["transforms_test.json", "transforms_val.json", "transforms_eval.json"];
+
+/// The files of a capture with the side of the split that each states. Where there are no training views, held-out ones are
+/// all that there is.
 fn files_in(root: &Path) -> Vec<(PathBuf, Side)> {
     let existing = |name: &str| Some(root.join(name)).filter(|p| p.is_file());
-    let [test, val] = ["transforms_test.json", "transforms_val.json"].map(existing);
+    let mut held_out = HELD_OUT.into_iter().filter_map(existing);
     let train = existing("transforms_train.json").or_else(|| existing("transforms.json"));
-    let Some(train) = train else {
-        return test.or(val).into_iter().map(|only| (only, Side::Unstated)).collect();
+    let (train, test) = match (train, held_out.next()) {
+        (Some(train), Some(test)) => (train, test),
+        (only, test) => return only.or(test).into_iter().map(|only| (only, Side::Unstated)).collect(),
     };
-    match (test, val) {
-        (Some(test), val) => {
-            let val = val.map(|val| (val, Side::Unused));
-            let both = [(train, Side::Stated(Split::Train)), (test, Side::Stated(Split::Test))];
-            both.into_iter().chain(val).collect()
-        }
-        (None, Some(val)) => vec![(train, Side::Stated(Split::Train)), (val, Side::Stated(Split::Test))],
-        (None, None) => vec![(train, Side::Unstated)],
-    }
+    let both = [(train, Side::Stated(Split::Train)), (test, Side::Stated(Split::Test))];
+    both.into_iter().chain(held_out.map(|other| (other, Side::Unused))).collect()
 }
 
 /// What a file of poses states of its frames by its name.
@@ -143,7 +140,7 @@ fn read(files: &Files, folders: &Folders) -> Result<Source> {
         match side {
             Side::Stated(split) => read_one(path, Some(*split), folders, &mut source)?,
             Side::Unstated => read_one(path, None, folders, &mut source)?,
-            Side::Unused => leave_out(path, &mut source),
+            Side::Unused => leave_out(path, &files[1].0, &mut source),
         }
     }
     let is_brown = |v: &&SourceView| matches!(v.lens.distortion, Distortion::Brown { .. });
@@ -164,17 +161,18 @@ fn read(files: &Files, folders: &Folders) -> Result<Source> {
     Ok(source)
 }
 
-/// Leaves out the frames of a second set of test views.
-fn leave_out(path: &Path, source: &mut Source) {
+/// Leaves out the frames of a second set of test views; `used` is the file of the first.
+fn leave_out(path: &Path, used: &Path, source: &mut Source) {
     let frames =
         json::read::<File>(path, "the JSON of Blender").map_or_else(|_| Vec::new(), |file| file.frames);
     let names: Vec<String> = frames.into_iter().filter_map(|frame| frame.name).collect();
     let count = names.len();
     source.unused.extend(names.iter().map(|name| UnusedView::new(plain(name), Why::Validation)));
     let what = format!(
-        "{}: {} not used, since transforms_test.json has the test views; where it is not there, these are held out",
+        "{}: {} not used, since {} has the test views; where it is not there, these are held out",
         text::path(path),
-        if count == 1 { "1 frame is".to_owned() } else { format!("{count} frames are") }
+        if count == 1 { "1 frame is".to_owned() } else { format!("{count} frames are") },
+        used.file_name().unwrap_or_default().to_string_lossy()
     );
     source.report.warn("validation-views-not-used", count, what);
 }
