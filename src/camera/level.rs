@@ -173,9 +173,10 @@ pub(super) fn fit(photos: &[Axes]) -> Option<Fit> {
     let proposed = proposals(photos);
     let mut readings: Vec<(f64, DVec3)> = Vec::new();
     let mixed = Mixture::all().into_iter().map(|mixture| {
-        let scored = || proposed.iter().map(|up| (score(mixture.likelihood(&deciding, *up), *up), *up));
-        readings.extend(scored());
-        let near = scored().max_by(|a, b| a.0.total_cmp(&b.0)).map_or(DVec3::NEG_Y, |best| best.1);
+        let first = readings.len();
+        readings.extend(proposed.iter().map(|&up| (score(mixture.likelihood(&deciding, up), up), up)));
+        let best = readings[first..].iter().max_by(|a, b| a.0.total_cmp(&b.0));
+        let near = best.map_or(DVec3::NEG_Y, |best| best.1);
         let (likelihood, up) = mixture.refined(photos, near);
         (likelihood, mixture.fit(photos, up))
     });
@@ -183,13 +184,7 @@ pub(super) fn fit(photos: &[Axes]) -> Option<Fit> {
     let mixed = mixed.filter(|(_, fit)| !fit.is_open());
     let mixed = mixed.max_by(|a, b| score(a.0, a.1.vertical).total_cmp(&score(b.0, b.1.vertical)));
 
-    let plain: Vec<(DVec3, f64)> = photos.iter().map(|p| (p.right, 1.0)).collect();
-    let right_axes = covariance(plain.iter().copied());
-    let pitches = |up: DVec3| photos.iter().map(|p| upright(p, up).ln()).sum::<f64>();
-    let across = DMat3::IDENTITY * (1.0 + STEEP) - covariance(photos.iter().map(|p| (p.forward, 1.0)));
-    let plain = Fit::of(photos, least_ratio(right_axes, across), &plain);
-    let likelihood = plain_likelihood(photos.len(), eigen(right_axes).0[0])
-        + pitches(plain.vertical).max(pitches(-plain.vertical));
+    let (likelihood, plain) = least_squares(photos);
     let aside = |up| if is_aside(up) { GAIN_MIN_ASIDE / photos.len() as f64 } else { 0.0 };
     // What a mixture gains over least squares.
     let gain =
@@ -221,10 +216,18 @@ fn upright(photo: &Axes, up: DVec3) -> f64 {
     1.0 - UPRIGHT * photo.down.dot(up)
 }
 
-/// Log likelihood of right axes without a mixture, by the mean of their squares along up.
-fn plain_likelihood(count: usize, mean_square: f64) -> f64 {
+/// The log likelihood and fit of photos that are all in landscape, with one standard deviation of roll.
+fn least_squares(photos: &[Axes]) -> (f64, Fit) {
+    let level: Vec<(DVec3, f64)> = photos.iter().map(|p| (p.right, 1.0)).collect();
+    let right_axes = covariance(level.iter().copied());
+    let across = DMat3::IDENTITY * (1.0 + STEEP) - covariance(photos.iter().map(|p| (p.forward, 1.0)));
+    let fit = Fit::of(photos, least_ratio(right_axes, across), &level);
+    let mean_square = eigen(right_axes).0[0];
     let variance = mean_square.max(LEAST_ROLL_SIN * LEAST_ROLL_SIN);
-    -0.5 * count as f64 * ((2.0 * std::f64::consts::PI * variance).ln() + mean_square / variance)
+    let of_roll = (2.0 * std::f64::consts::PI * variance).ln() + mean_square / variance;
+    let of_pitch = |up: DVec3| photos.iter().map(|p| upright(p, up).ln()).sum::<f64>();
+    let of_pitch = of_pitch(fit.vertical).max(of_pitch(-fit.vertical));
+    (of_pitch - 0.5 * photos.len() as f64 * of_roll, fit)
 }
 
 /// Directions that may be up: those to which pairs of photos are level, and principal axes of all.
