@@ -87,11 +87,6 @@ pub fn printable<'a>(text: &'a str, kept: &[char]) -> Cow<'a, str> {
     Cow::Owned(out)
 }
 
-/// A number of at most this many significant digits, which are all that is printed of it.
-pub fn rounded(value: f64, digits: usize) -> f64 {
-    format!("{value:.*e}", digits.saturating_sub(1)).parse().unwrap_or(value)
-}
-
 /// "4.0 GiB".
 pub fn format_bytes(bytes: u64) -> String {
     match bytes as f64 {
@@ -141,16 +136,6 @@ mod tests {
         assert_eq!(format_duration(3.25), "3.2 s");
         assert_eq!(format_duration(12_000.0), "3 h 20 min");
         assert_eq!(format_bytes(4 << 30), "4.0 GiB");
-    }
-
-    #[test]
-    fn numbers_are_rounded_to_significant_digits() {
-        assert_eq!(
-            [rounded(3.0 * 0.3048, 9), rounded(123_456.0, 3), rounded(0.0, 3)],
-            [0.9144, 123_000.0, 0.0]
-        );
-        assert_eq!([rounded(-1.26e-20, 2), rounded(f64::INFINITY, 3)], [-1.3e-20, f64::INFINITY]);
-        assert!(rounded(f64::NAN, 3).is_nan());
     }
 
     #[test]

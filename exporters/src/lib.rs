@@ -42,5 +42,5 @@ pub use format::quality::Quality;
 pub use format::{WriteOptions, read_asset, read_fallback, stage_asset, validate_file, write_asset};
 pub use math::frame::Transform;
 pub use math::sh::num_sh_coefficients;
-pub use number::parse_number;
+pub use number::{parse_number, rounded};
 pub use text::quoted;

@@ -1,4 +1,4 @@
-//! Numbers in text files, with every spelling of those that are none.
+//! Numbers as text: every spelling of those that are none is read, and few digits are written.
 
 /// The number that a word spells. C and C++ programs write `-nan(ind)`, `nan(snan)` or `1.#QNAN` for what is no number, and
 /// `1.#INF` for infinity: readers must see such a number to leave out what it belongs to.
@@ -23,9 +23,14 @@ fn is_padded(word: &str, name: &str) -> bool {
     word.strip_prefix(name).is_some_and(|rest| rest.bytes().all(|b| b == b'0'))
 }
 
+/// The nearest number of at most this many significant digits, which are all that is printed of it.
+pub fn rounded(number: f64, digits: usize) -> f64 {
+    format!("{number:.*e}", digits.saturating_sub(1)).parse().unwrap_or(number)
+}
+
 #[cfg(test)]
 mod tests {
-    use super::parse_number;
+    use super::{parse_number, rounded};
 
     #[test]
     fn every_spelling_of_no_number_is_read() {
@@ -43,5 +48,15 @@ mod tests {
         for word in ["", "nancy", "nan(", "1.#", "1.#INFx", "x", "1,5", "--1"] {
             assert_eq!(parse_number(word), None, "{word}");
         }
+    }
+
+    #[test]
+    fn numbers_are_rounded_to_significant_digits() {
+        assert_eq!(
+            [rounded(3.0 * 0.3048, 9), rounded(123_456.0, 3), rounded(0.0, 3)],
+            [0.9144, 123_000.0, 0.0]
+        );
+        assert_eq!([rounded(-1.26e-20, 2), rounded(f64::INFINITY, 3)], [-1.3e-20, f64::INFINITY]);
+        assert!(rounded(f64::NAN, 3).is_nan());
     }
 }

@@ -1,12 +1,12 @@
 //! `--scale-from`: two points and their distance, and where the points lie.
 
 use glam::{DVec2, DVec3};
-use litetex_exporters::SplatAsset;
+use litetex_exporters::{SplatAsset, rounded};
 use litetex_gs::camera::Camera;
 use litetex_gs::capture::Capture;
 use litetex_gs::console::Log;
 use litetex_gs::run::{Scale, Trained};
-use litetex_gs::text::{quoted, rounded};
+use litetex_gs::text::quoted;
 use litetex_gs::verify::BakedScene;
 use litetex_gs::views::ViewSource as _;
 use litetex_gs::{Result, usage};

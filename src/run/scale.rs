@@ -1,8 +1,7 @@
 //! The scale of a run, as it was measured: a small file in its folder that all exports heed.
 
-use crate::text::rounded;
 use crate::{Error, Result, atomic_file, input_file};
-use litetex_exporters::METRES;
+use litetex_exporters::{METRES, rounded};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 

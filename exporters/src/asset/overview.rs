@@ -1,6 +1,7 @@
 //! What the training cameras see of a scene: the home view that programs open a file with, and bounds that floaters and the
 //! backdrop do not stretch. Both follow from centres and cameras alone, without rendering, on a sample of large scenes.
 
+use crate::number::rounded;
 use crate::{AssetCamera, SplatAsset};
 use serde::{Deserialize, Serialize};
 
@@ -123,15 +124,10 @@ fn bounds(asset: &SplatAsset, splats: &[usize], weights: &[f64]) -> Option<Bound
         let all = asset.positions.iter().map(|p| f64::from(p[axis]));
         let least = all.clone().fold(f64::INFINITY, f64::min);
         let most = all.fold(f64::NEG_INFINITY, f64::max);
-        bounds.min[axis] = rounded((low - MARGIN * (high - low)).max(least));
-        bounds.max[axis] = rounded((high + MARGIN * (high - low)).min(most));
+        bounds.min[axis] = rounded((low - MARGIN * (high - low)).max(least), DIGITS);
+        bounds.max[axis] = rounded((high + MARGIN * (high - low)).min(most), DIGITS);
     }
     Some(bounds)
-}
-
-/// The number with few digits that is nearest.
-fn rounded(number: f64) -> f64 {
-    format!("{number:.*e}", DIGITS - 1).parse().unwrap_or(number)
 }
 
 #[cfg(test)]
