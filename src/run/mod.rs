@@ -7,6 +7,8 @@ mod config;
 mod evaluations;
 mod first_model;
 mod folder;
+#[cfg(test)]
+mod folder_tests;
 mod init_source;
 mod outcome;
 mod outlying;
