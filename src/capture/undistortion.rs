@@ -17,8 +17,8 @@ use serde::Serialize;
 /// fisheye), not on all of them: ultra-wide phones keep 86 to 100 % (iPhone 13 Pro 0.5x 99.7 %, Galaxy A51 94.7 %), GoPro Linear
 /// 98 % and more, an anamorphic lens 83 %; GoPro Wide 60 to 68 % in 4:3 and 65 to 72 % in 16:9, DJI Action at 159 degrees 68 to
 /// 70 %, DJI FPV 66 %, Insta360 One R 60 to 63 % in 96 of 110 calibrations, other lenses of 150 degrees and more 43 to 60 %. So
-/// the threshold lies among those of action cameras, and parts the wider from the narrower of them only roughly. Ideal equidistant fisheyes in 4:3: 84 % at a field of view of 76 degrees along the diagonal, 74 % at 104,
-/// 67 % at 127, 38 % at 239.
+/// the threshold lies among those of action cameras, and parts the wider from the narrower of them only roughly. Ideal
+/// equidistant fisheyes in 4:3: 84 % at a field of view of 76 degrees along the diagonal, 74 % at 104, 67 % at 127, 38 % at 239.
 const KEPT_SHARE_MIN: f64 = 0.7;
 
 /// Pixels kept by the focal length that `auto` chooses, as a share, unless the scale below is reached before.

@@ -15,8 +15,8 @@ const BLURRED_SHARE: f64 = 0.5;
 const BLURRED_MAX: f64 = 0.8;
 
 /// A photo is blurred too if it shows less than this share of the detail that others show around the same points. Measured:
-/// 0.73 is the least of the photos of four real captures; with a Gaussian blur of 2 pixels or a motion of 9, 0.61 is the most in three
-/// of them.
+/// 0.73 is the least of the photos of four real captures; with a Gaussian blur of 2 pixels or a motion of 9, 0.61 is the most in
+/// three of them.
 const BLURRED_SHARE_AT_POINTS: f64 = 0.65;
 
 /// Median typical sharpness below which a capture is blurred throughout. Measured: 0.43 at least for the photos of five real
@@ -32,7 +32,8 @@ pub(super) struct Blur {
     pub median: Option<f64>,
 }
 
-/// Compares photos, `None` for those that show too little: their sharpness, and the share of the detail of their points that they show.
+/// Compares photos, `None` for those that show too little: their sharpness, and the share of the detail of their points that
+/// they show.
 pub(super) fn of(photos: &[Option<Sharpness>], at_points: &[Option<f64>]) -> Blur {
     let known: Vec<Sharpness> = photos.iter().copied().flatten().collect();
     let at = |share: f64, of: fn(&Sharpness) -> f64| {

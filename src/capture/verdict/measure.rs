@@ -38,7 +38,8 @@ pub struct Figures {
     pub photos_decoded: usize,
     /// Median sharpness: fine over coarse detail in the direction that has least.
     pub sharpness: Option<f64>,
-    /// Decoded photos that are less than half as sharp as the sharp ones, or show much less detail around the points that they share.
+    /// Decoded photos that are less than half as sharp as the sharp ones, or show much less detail around the points that they
+    /// share.
     pub blurred: Vec<String>,
     /// Range of the exposures of the decoded photos without the outer tenths, stops.
     pub exposure_stops: Option<f64>,
