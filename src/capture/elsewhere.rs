@@ -1,8 +1,11 @@
 //! Looks for poses in the folders in and around the one that the user named, for the message that there are none here.
 
 use super::advice::shell_word;
+use super::extensions::is_read;
 use super::options::CaptureFormat;
+use super::photos_near;
 use super::source::first_paths;
+use super::unposed::is_hidden;
 use crate::Report;
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
@@ -32,13 +35,25 @@ pub(super) fn advice(path: &Path, wanted: &dyn Fn(&CaptureFormat) -> bool) -> Op
             found.len()
         ));
     };
-    let images = path.join("images");
-    let is_complete = only.join("images").is_dir() || !images.is_dir() || path.starts_with(only);
-    let images = match is_complete {
-        true => String::new(),
-        false => format!(" --images {}", shell_word(&images)),
+    let images = match only.join("images").is_dir() || path.starts_with(only) {
+        true => None,
+        false => {
+            Some(path.join("images")).filter(|images| images.is_dir()).or_else(|| only_photos(path, only))
+        }
     };
+    let images = images.map(|images| format!(" --images {}", shell_word(&images))).unwrap_or_default();
     Some(format!("the poses are in another folder, name it: litetex train {}{images}", shell_word(only)))
+}
+
+/// The only folder with photos, where none are with the poses.
+fn only_photos(path: &Path, poses: &Path) -> Option<PathBuf> {
+    let has_photos = |folder: &Path| {
+        let mut entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+        entries.any(|entry| is_read(&entry.path()) && !is_hidden(&entry.file_name()))
+    };
+    let mut found = photos_near::folders(path, &has_photos);
+    let is_only = found.len() == 1 && photos_near::folders(poses, &has_photos).is_empty();
+    is_only.then(|| found.pop()).flatten()
 }
 
 /// The outermost folders below that have poses.
