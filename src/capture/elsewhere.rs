@@ -3,9 +3,9 @@
 use super::advice::shell_word;
 use super::extensions::is_read;
 use super::options::CaptureFormat;
+use super::paths::is_hidden;
 use super::photos_near;
 use super::source::first_paths;
-use super::unposed::is_hidden;
 use crate::Report;
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};

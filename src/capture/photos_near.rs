@@ -1,7 +1,7 @@
 //! Folders in a capture that hold photos, for names without folders and for the message that there are none in the usual place.
 
 use super::extensions::DEPTH_MAX;
-use super::unposed::may_hold_photos;
+use super::paths::may_hold_photos;
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
