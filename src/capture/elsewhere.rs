@@ -35,25 +35,30 @@ pub(super) fn advice(path: &Path, wanted: &dyn Fn(&CaptureFormat) -> bool) -> Op
             found.len()
         ));
     };
-    let images = match only.join("images").is_dir() || path.starts_with(only) {
-        true => None,
-        false => {
-            Some(path.join("images")).filter(|images| images.is_dir()).or_else(|| only_photos(path, only))
-        }
+    let images = path.join("images");
+    let photos = match only.join("images").is_dir() || path.starts_with(only) {
+        true => Vec::new(),
+        false if images.is_dir() => vec![images],
+        false => photos_apart(path, only),
     };
-    let images = images.map(|images| format!(" --images {}", shell_word(&images))).unwrap_or_default();
+    let images = match &photos[..] {
+        [] => String::new(),
+        [photos] => format!(" --images {}", shell_word(photos)),
+        several => format!(" --images PHOTOS, where PHOTOS is one of {}", first_paths(several)),
+    };
     Some(format!("the poses are in another folder, name it: litetex train {}{images}", shell_word(only)))
 }
 
-/// The only folder with photos, where none are with the poses.
-fn only_photos(path: &Path, poses: &Path) -> Option<PathBuf> {
+/// The folders with photos, where none are with the poses.
+fn photos_apart(path: &Path, poses: &Path) -> Vec<PathBuf> {
     let has_photos = |folder: &Path| {
         let mut entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
         entries.any(|entry| is_read(&entry.path()) && !is_hidden(&entry.file_name()))
     };
-    let mut found = photos_near::folders(path, &has_photos);
-    let is_only = found.len() == 1 && photos_near::folders(poses, &has_photos).is_empty();
-    is_only.then(|| found.pop()).flatten()
+    match photos_near::folders(poses, &has_photos).is_empty() {
+        true => photos_near::folders(path, &has_photos),
+        false => Vec::new(),
+    }
 }
 
 /// The outermost folders below that have poses.
