@@ -192,3 +192,60 @@ fn a_json_wins_over_the_model_that_it_was_made_of() {
         assert_eq!(capture.split_by.contains("test_filenames"), format == "transforms");
     }
 }
+
+#[test]
+fn the_folder_that_holds_the_photos_is_named() {
+    for (place, words) in [
+        ("photos", "--images photos"),
+        ("DCIM/100MEDIA", "--images DCIM/100MEDIA"),
+        ("my photos", "--images 'my photos'"),
+        ("elsewhere/a/b/c/d", "--images"),
+    ] {
+        let folder = text_model(&Scene::ring(12));
+        let (images, moved) = (folder.path().join("images"), folder.path().join(place));
+        std::fs::create_dir_all(moved.parent().unwrap()).unwrap();
+        std::fs::rename(&images, &moved).unwrap();
+        for is_empty in [false, true] {
+            if is_empty {
+                std::fs::create_dir(&images).unwrap();
+            }
+            let error = load(folder.path()).err().unwrap();
+            assert!(error.exit_code() == 3 && error.to_string().ends_with(words), "{error}");
+        }
+    }
+}
+
+#[test]
+fn poses_in_another_folder_are_named_with_their_photos() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    let scene = Scene::ring(12);
+    scene.write_text(&root.join("dslr/scan"));
+    for place in ["dslr/resized", "dslr/resized_masks", "dslr/.thumbs"] {
+        scene.write_photos(&root.join(place), (12, 8));
+    }
+    let error = load(root).err().unwrap().to_string();
+    assert!(error.ends_with(&format!("--images {}", root.join("dslr/resized").display())), "{error}");
+    scene.write_photos(&root.join("dslr/original"), (12, 8));
+    let error = load(root).err().unwrap().to_string();
+    assert!(
+        error.contains("--images PHOTOS, where PHOTOS is one of") && error.contains("original"),
+        "{error}"
+    );
+}
+
+#[test]
+fn points_named_by_a_path_on_another_computer_are_found() {
+    for (stated, count) in
+        [("C:\\proj\\points.ply", 5), ("/home/me/a/points.ply", 5), ("C:\\proj\\cloud.ply", 0)]
+    {
+        let folder = transforms(|mut json| {
+            json["ply_file_path"] = stated.into();
+            json.to_string()
+        });
+        write_points(&folder.path().join("points.ply"), 5);
+        let capture = load(folder.path()).unwrap();
+        assert_eq!(capture.points.len(), count, "{stated}");
+        assert_eq!(has_warning(&capture, "points-file-missing"), count == 0);
+    }
+}

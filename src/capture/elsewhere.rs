@@ -1,6 +1,9 @@
 //! Looks for poses in the folders in and around the one that the user named, for the message that there are none here.
 
+use super::extensions::is_read;
 use super::options::CaptureFormat;
+use super::paths::is_hidden;
+use super::photos_near;
 use super::source::first_paths;
 use crate::Report;
 use crate::text::shell_word;
@@ -33,12 +36,29 @@ pub(super) fn advice(path: &Path, wanted: &dyn Fn(&CaptureFormat) -> bool) -> Op
         ));
     };
     let images = path.join("images");
-    let is_complete = only.join("images").is_dir() || !images.is_dir() || path.starts_with(only);
-    let images = match is_complete {
-        true => String::new(),
-        false => format!(" --images {}", shell_word(&images)),
+    let photos = match only.join("images").is_dir() || path.starts_with(only) {
+        true => Vec::new(),
+        false if images.is_dir() => vec![images],
+        false => photos_apart(path, only),
+    };
+    let images = match &photos[..] {
+        [] => String::new(),
+        [photos] => format!(" --images {}", shell_word(photos)),
+        several => format!(" --images PHOTOS, where PHOTOS is one of {}", first_paths(several)),
     };
     Some(format!("the poses are in another folder, name it: litetex train {}{images}", shell_word(only)))
+}
+
+/// The folders with photos, where none are with the poses.
+fn photos_apart(path: &Path, poses: &Path) -> Vec<PathBuf> {
+    let has_photos = |folder: &Path| {
+        let mut entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+        entries.any(|entry| is_read(&entry.path()) && !is_hidden(&entry.file_name()))
+    };
+    match photos_near::folders(poses, &has_photos).is_empty() {
+        true => photos_near::folders(path, &has_photos),
+        false => Vec::new(),
+    }
 }
 
 /// The outermost folders below that have poses.

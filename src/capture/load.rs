@@ -101,7 +101,7 @@ fn load_folder(path: &Path, options: &LoadOptions, archive: Option<&Unpacked>) -
     on_disk.warn(&mut report);
     let health = has_observations
         .then(|| health::check(&source, capture_from_local.scale, on_disk.present, &mut report));
-    photo_files::find_photos(&mut source, &photos, &mut report)?;
+    photo_files::find_photos(&folder, &mut source, &photos, &mut report)?;
     let masks = photo_files::find_masks(&folder, &mut source, options, &mut report)?;
     photo_files::warn_of_files_outside(&folder.root, &source, &[Some(photos), masks], &mut report);
     let (splits, split_by) = split::assign(&source, options, &mut report)?;

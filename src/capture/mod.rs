@@ -32,6 +32,7 @@ pub(crate) mod paths;
 mod photo_files;
 mod photo_folder;
 mod photos;
+mod photos_near;
 #[cfg(test)]
 mod photos_tests;
 mod pixel;

@@ -6,10 +6,44 @@ use crate::text::quoted;
 use std::ffi::OsStr;
 use std::path::{Component, Path, PathBuf};
 
+/// Words, of the names of files and folders, for images that programs make of photos.
+const MADE: [&str; 14] = [
+    "mask",
+    "masks",
+    "depth",
+    "depths",
+    "normal",
+    "normals",
+    "semantic",
+    "semantics",
+    "segmentation",
+    "alpha",
+    "thumb",
+    "thumbs",
+    "thumbnail",
+    "thumbnails",
+];
+
 /// Whether a name is of a file that macOS puts beside each file on foreign disks and in archives.
 pub(crate) fn is_of_macos(name: &OsStr) -> bool {
     let name = name.to_string_lossy();
     name == "__MACOSX" || name.starts_with("._")
+}
+
+/// Whether a name has a word for images that programs make of photos.
+pub(super) fn has_word_of_made(name: &str) -> bool {
+    let mut words = name.split(|c: char| !c.is_alphanumeric());
+    words.any(|word| MADE.iter().any(|made| word.eq_ignore_ascii_case(made)))
+}
+
+/// Whether programs keep something of their own under this name: `.thumb`, `@eaDir`, `__MACOSX`.
+pub(super) fn is_hidden(name: &OsStr) -> bool {
+    is_of_macos(name) || name.to_string_lossy().starts_with(['.', '@'])
+}
+
+/// Whether photos may lie in a folder of this name: it is neither hidden nor one of masks or the like.
+pub(super) fn may_hold_photos(name: &OsStr) -> bool {
+    !is_hidden(name) && !has_word_of_made(&name.to_string_lossy())
 }
 
 /// A path with backslashes as one with slashes; `None` if it has none.

@@ -5,7 +5,8 @@ use super::folder::CaptureFolder;
 use super::options::LoadOptions;
 use super::paths::{is_inside, is_there};
 use super::photo_folder::{Match, PhotoFolder};
-use super::source::{Source, UnusedView, Why, first_names, first_paths};
+use super::photos_near;
+use super::source::{Source, SourceView, UnusedView, Why, first_names, first_of, first_paths};
 use crate::text::{self, quoted, shell_word};
 use crate::{Error, Report, Result};
 use std::collections::BTreeSet;
@@ -31,7 +32,7 @@ pub(super) fn photo_folder(folder: &CaptureFolder, source: &Source) -> Result<Ph
     let around = folder.root.canonicalize().ok().and_then(|root| Some(root.parent()?.join("images")));
     let named = match around.filter(|images| images.is_dir()) {
         Some(images) => format!("name the folder with --images {}", shell_word(&images)),
-        None => "name the folder with --images".to_owned(),
+        None => format!("name the folder with --images{}", folders_with(folder, &source.views)),
     };
     let example = source.views.first().map(|v| &v.name).or(missing.map(|v| &v.name));
     Err(invalid!(
@@ -39,6 +40,29 @@ pub(super) fn photo_folder(folder: &CaptureFolder, source: &Source) -> Result<Ph
         "no folder of photos; expected photos such as {} there: {named}",
         quoted(example.map_or("0001.jpg", String::as_str))
     ))
+}
+
+/// Views whose photos are looked for in other folders: those of a few are proof enough.
+const NUM_ASKED: usize = 3;
+
+/// What to give `--images`: the folder inside that holds photos of all of the first views, with the others if there are several.
+fn folders_with(folder: &CaptureFolder, views: &[SourceView]) -> String {
+    let asked = &views[..views.len().min(NUM_ASKED)];
+    let inside = |found: &Path| found.strip_prefix(&folder.root).unwrap_or(found).to_owned();
+    let holds = |found: &Path| {
+        let photos = folder.photos(&inside(found).to_string_lossy());
+        asked.iter().all(|view| photos.find_whole(&view.name).is_ok_and(|photo| photo.is_some()))
+    };
+    if asked.is_empty() {
+        return String::new();
+    }
+    let found = photos_near::folders(&folder.root, &holds);
+    let words: Vec<String> = found.iter().map(|found| shell_word(&inside(found))).collect();
+    match &words[..] {
+        [] => String::new(),
+        [only] => format!(" {only}"),
+        [first, others @ ..] => format!(" {first} (or {})", first_of(others.iter().cloned())),
+    }
 }
 
 /// Leaves photos to the views that they belong to; the others have none.
@@ -71,7 +95,13 @@ pub(super) fn settle(source: &mut Source, report: &mut Report) {
 }
 
 /// Gives every view its photo; views without one are left out and counted.
-pub(super) fn find_photos(source: &mut Source, folder: &PhotoFolder, report: &mut Report) -> Result<()> {
+pub(super) fn find_photos(
+    capture: &CaptureFolder,
+    source: &mut Source,
+    folder: &PhotoFolder,
+    report: &mut Report,
+) -> Result<()> {
+    let known: Vec<SourceView> = source.views.iter().take(NUM_ASKED).cloned().collect();
     for view in &mut source.views {
         if view.photo.is_none() {
             view.photo = folder.find(&view.name)?;
@@ -93,8 +123,9 @@ pub(super) fn find_photos(source: &mut Source, folder: &PhotoFolder, report: &mu
                 true => format!("{total} view with a pose, expected at least two"),
                 false => format!(
                     "photos of {} of {total} views are missing ({names}), at least two are needed; name their \
-                     folder with --images",
-                    missing.len()
+                     folder with --images{}",
+                    missing.len(),
+                    folders_with(capture, &known)
                 ),
             },
         ));

@@ -2,6 +2,7 @@
 
 use super::extensions::{self, READ};
 use super::paths::{confine, is_of_macos, is_there, with_slashes, without_extension};
+use super::photos_near;
 use crate::Result;
 use std::collections::HashMap;
 use std::ffi::OsString;
@@ -15,14 +16,34 @@ const ENDS_MAX: usize = 8;
 /// The photos of a folder, by stem in lower case.
 type Listing = HashMap<String, Vec<OsString>>;
 
+/// The photos of a folder and those in it, by stem in lower case.
+type DeepListing = HashMap<String, Vec<PathBuf>>;
+
 /// Folders that were listed, so that a thousand names of another extension do not list them a thousand times.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Listings(Arc<Mutex<HashMap<PathBuf, Arc<Listing>>>>);
+pub(super) struct Listings {
+    flat: Arc<Mutex<HashMap<PathBuf, Arc<Listing>>>>,
+    deep: Arc<Mutex<HashMap<PathBuf, Arc<DeepListing>>>>,
+}
 
 impl Listings {
     fn of(&self, folder: &Path) -> Arc<Listing> {
-        let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut known = self.flat.lock().unwrap_or_else(PoisonError::into_inner);
         let listing = known.entry(folder.to_owned()).or_insert_with(|| Arc::new(list(folder)));
+        Arc::clone(listing)
+    }
+
+    fn deep(&self, folder: &Path) -> Arc<DeepListing> {
+        let mut known = self.deep.lock().unwrap_or_else(PoisonError::into_inner);
+        let listing = known.entry(folder.to_owned()).or_insert_with(|| {
+            let mut listing = DeepListing::new();
+            for folder in photos_near::folders(folder, &|_| true) {
+                for (stem, names) in list(&folder) {
+                    listing.entry(stem).or_default().extend(names.iter().map(|name| folder.join(name)));
+                }
+            }
+            Arc::new(listing)
+        });
         Arc::clone(listing)
     }
 }
@@ -107,6 +128,15 @@ impl PhotoFolder {
         }))
     }
 
+    /// The only photo of a name in this folder and those in it.
+    pub fn find_below(&self, name: &str) -> Option<Match> {
+        let stem = Path::new(without_extension(name)).file_name()?.to_string_lossy().to_lowercase();
+        let below = self.listings.deep(&self.path);
+        let [path] = below.get(&stem)?.as_slice() else { return None };
+        let misfit = Misfit { folders: 1, extension: true, case: false };
+        Some(Match { path: path.clone(), asked: name.to_owned(), misfit })
+    }
+
     /// As [`Self::find`], of the whole path only.
     ///
     /// # Errors
@@ -159,7 +189,7 @@ impl PhotoFolder {
         Some(Match { path: folder.join(name), asked: asked.to_owned(), misfit })
     }
 
-    /// The mask of a photo: `name.ext.png`, the photo's own path, or `name.png`.
+    /// The mask of a photo: `name.ext.png`, the photo's own path, `name.png`, or Metashape's `name_mask.png`.
     ///
     /// # Errors
     /// As [`Self::find`].
@@ -172,7 +202,8 @@ impl PhotoFolder {
             .exact(&double, name)
             .or_else(|| self.exact(name, name))
             .or_else(|| self.with_stem(name, name))
-            .or_else(|| self.at(name)))
+            .or_else(|| self.at(name))
+            .or_else(|| self.with_stem(&format!("{}_mask", without_extension(name)), name)))
     }
 }
 
@@ -243,7 +274,10 @@ mod tests {
     #[test]
     fn the_mask_of_a_photo_is_not_taken_for_it() {
         let folder = tempfile::tempdir().unwrap();
-        write(folder.path(), &["a.jpg.png", "b.DNG.png", "c.0001.png", "d.jpg.png", "d.webp", "E.JPG.PNG"]);
+        write(
+            folder.path(),
+            &["a.jpg.png", "b.DNG.png", "c.0001.png", "d.jpg.png", "d.webp", "E.JPG.PNG", "k_mask.png"],
+        );
         let photos = CaptureFolder::new(folder.path(), None, false).unwrap().photos("");
         for name in ["a.jpg", "a.JPG", "A.jpeg", "a", "b.DNG", "e.jpg", "e"] {
             assert_eq!(photos.find(name).unwrap(), None, "{name}");
@@ -252,7 +286,9 @@ mod tests {
             let found = photos.find(name).unwrap().unwrap();
             assert_eq!(found.path, folder.path().join(file), "negative control: {name}");
         }
-        for (name, file) in [("a.jpg", "a.jpg.png"), ("d.jpg", "d.jpg.png"), ("E.JPG", "E.JPG.PNG")] {
+        for (name, file) in
+            [("a.jpg", "a.jpg.png"), ("d.jpg", "d.jpg.png"), ("E.JPG", "E.JPG.PNG"), ("k.jpg", "k_mask.png")]
+        {
             assert_eq!(photos.find_mask(name).unwrap().unwrap().path, folder.path().join(file));
         }
     }

@@ -2,30 +2,11 @@
 
 use super::extensions;
 use super::health::PhotosOnDisk;
-use super::paths::{is_of_macos, without_extension};
+use super::paths::{has_word_of_made, is_hidden, may_hold_photos, without_extension};
 use super::photo_folder::PhotoFolder;
 use super::source::{Source, Why};
 use std::collections::{BTreeMap, BTreeSet, HashSet};
-use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
-
-/// Words, of the names of files and folders, for images that programs make of photos.
-const MADE: [&str; 14] = [
-    "mask",
-    "masks",
-    "depth",
-    "depths",
-    "normal",
-    "normals",
-    "semantic",
-    "semantics",
-    "segmentation",
-    "alpha",
-    "thumb",
-    "thumbs",
-    "thumbnail",
-    "thumbnails",
-];
 
 /// A photo, with or without its extensions and whatever their case: its folder and its stem in lower case.
 type Key = (PathBuf, String);
@@ -85,21 +66,6 @@ fn is_made(stem: &str, is_posed: &dyn Fn(&str) -> bool, is_there: &dyn Fn(&str) 
             || is_of(without_extension(before), after)
             || (has_word_of_made(before) && (is_posed(after) || is_there(after)))
     })
-}
-
-fn has_word_of_made(name: &str) -> bool {
-    let mut words = name.split(|c: char| !c.is_alphanumeric());
-    words.any(|word| MADE.iter().any(|made| word.eq_ignore_ascii_case(made)))
-}
-
-/// Whether programs keep something of their own under this name: `.thumb`, `@eaDir`, `__MACOSX`.
-pub(super) fn is_hidden(name: &OsStr) -> bool {
-    is_of_macos(name) || name.to_string_lossy().starts_with(['.', '@'])
-}
-
-/// Whether photos may lie in a folder of this name: it is neither hidden nor one of masks or the like.
-pub(super) fn may_hold_photos(name: &OsStr) -> bool {
-    !is_hidden(name) && !has_word_of_made(&name.to_string_lossy())
 }
 
 /// A folder and those in it that may hold photos or do hold posed ones.

@@ -599,3 +599,19 @@ fn coordinates_of_f64_far_from_the_origin_keep_their_digits() {
     assert!(single.capture_from_local.is_identity());
     assert_ne!(f64::from(single.positions[1][0]), 5e5 + 0.125 * 3.0, "negative control");
 }
+
+#[test]
+fn compressed_files_are_told_what_to_export() {
+    let error = |first: &str| {
+        let text = format!(
+            "ply\nformat binary_little_endian 1.0\nelement vertex 1\nproperty uint {first}\nproperty uint packed_color\nend_header\n"
+        );
+        decode(&[text.as_bytes(), &[0; 8]].concat()).unwrap_err().to_string()
+    };
+    let compressed = error("packed_position");
+    assert!(
+        compressed.contains("compressed PLY") && compressed.contains("export it as \"PLY\""),
+        "{compressed}"
+    );
+    assert!(error("position").contains("not a file of splats"), "negative control");
+}

@@ -45,7 +45,7 @@ pub(crate) fn photo_folder(folder: &CaptureFolder, usual: &[&str]) -> PhotoFolde
     folder.images.clone().unwrap_or_else(|| folder.photos(inside.unwrap_or_default()))
 }
 
-/// The photo of a label and its name in the folder.
+/// The photo of a label and its name in the folder; a label without folders may be that of the only such photo in those inside.
 ///
 /// # Errors
 /// As [`PhotoFolder::find`].
@@ -53,7 +53,8 @@ pub(crate) fn find(photos: &PhotoFolder, label: &str) -> Result<Option<(String, 
     let path = label.replace('\\', "/");
     // Paths on another computer, with a drive or a root, are none of this one.
     let inside = path.split_once(":/").map_or(path.as_str(), |(_, inside)| inside);
-    let found = photos.find(inside.trim_start_matches(['/', '.']))?;
+    let inside = inside.trim_start_matches(['/', '.']);
+    let found = photos.find(inside)?.or_else(|| photos.find_below(inside).filter(|_| !inside.contains('/')));
     Ok(found.map(|photo| (name_in(photos, &photo), Match { asked: label.to_owned(), ..photo })))
 }
 
@@ -95,6 +96,14 @@ mod tests {
         }
         assert!(found(&["images"], "b.png").is_none() && found(&[], "b").is_some(), "the folder counts");
         assert!(found(&["images"], "").is_none() && found(&["images"], "/").is_none());
+        std::fs::create_dir_all(folder.path().join("images/masks")).unwrap();
+        std::fs::write(folder.path().join("images/masks/a.1.png"), b"").unwrap();
+        let names = ["a.1", "A.1.JPG"].map(|label| found(&["images"], label).map(|(name, _)| name));
+        assert!(names.iter().all(|name| name.as_deref() == Some("day/a.1.jpg")), "{names:?}");
+        std::fs::create_dir_all(folder.path().join("images/night")).unwrap();
+        std::fs::write(folder.path().join("images/night/a.1.jpg"), b"").unwrap();
+        let capture = CaptureFolder::new(folder.path(), None, false).unwrap();
+        assert_eq!(find(&capture.photos("images"), "a.1").unwrap(), None, "either may be meant");
         let archive = CaptureFolder::new(folder.path(), None, true).unwrap();
         assert!(find(&archive.photos("images"), "x/../../../etc/hosts").is_err(), "archives stay closed");
     }
