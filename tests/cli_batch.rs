@@ -319,7 +319,8 @@ mod signals {
         assert_eq!(place.table(), rows(&[("a", "done"), ("b", "done")]));
         assert_eq!(place.summary("a").unwrap()["resumed"]["from_step"], done);
         // Negative control: a finished run is left, with a warning if other settings are asked for.
-        let output = place.train(&["a", "b"], &["--steps=7", "--resume-or-start"]);
+        let others = format!("--steps={}", done + 3);
+        let output = place.train(&["a", "b"], &[&others, "--resume-or-start"]);
         assert_eq!(output.status.code(), Some(0));
         assert!(said(&output).contains("[a] warning[finished-with-other-settings]: "), "{}", said(&output));
         assert_eq!(place.summary("a").unwrap()["steps"], done + 2);
