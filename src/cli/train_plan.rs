@@ -59,14 +59,14 @@ pub fn plan(
         job.config.time_secs = Some(if is_hardware { FREE_GPU_SECS } else { FREE_CPU_SECS });
     }
     let threads = rayon::current_num_threads() as f64;
+    let costs = if is_hardware { StepCosts::GPU } else { StepCosts::CPU.scaled(1.0 / threads) };
     let planned_anew = !start.is_resumed && start.state.step == 0;
     let Some(time_secs) = job.config.time_secs.filter(|_| planned_anew) else {
-        let costs = if is_hardware { StepCosts::GPU } else { StepCosts::CPU.scaled(1.0 / threads) };
         let found = (start.state.step, start.state.model.num_splats());
         let train_secs = || expected_secs(costs, &job.config.train, &**start.capture, found);
         return Ok(Planned { costs, end_secs: END_SECS, train_secs: (!is_hardware).then(train_secs) });
     };
-    let trial = measure(backend, &**start.capture, &start.state.model, &job.config.train, now)?;
+    let trial = measure(backend, &**start.capture, &start.state.model, &job.config.train, costs, now)?;
     let train_views = start.capture.indices(Split::Train);
     let sizes: Vec<_> = train_views.iter().map(|&view| start.capture.camera(view).pinhole).collect();
     let views = train_views.len();

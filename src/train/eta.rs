@@ -8,11 +8,11 @@ use super::step_costs::StepCosts;
 /// The weight of a measured time falls by a factor of e over this share of the run's steps.
 const MEMORY_SHARE: f64 = 0.03;
 
-/// Time of a round of pruning before one is measured, in steps on full images for each view that it probes. Measured: 1.6
+/// Time of the renders of a round of pruning before one is measured, in steps on full images for each view that it probes. Measured: 1.6
 /// (fox, 270 x 480), 2.2 (flower, 480 x 360), 0.9 (fox, 1067 x 1899, no budget).
 const ROUND_STEPS_PER_PROBE: f64 = 1.6;
 
-/// Time of a density-control step before one is measured, in steps on full images (fox, 270 x 480: 0.3 to 0.8).
+/// Time of the renders of a density-control step before one is measured, in steps on full images (fox, 270 x 480: 0.3 to 0.8).
 const DENSITY_STEPS: f64 = 0.5;
 
 /// Seconds that the parts of the rest of a run will take.
@@ -61,6 +61,17 @@ impl Course {
         self.costs.step_secs(self.pixels / (scale * scale), splats, self.size.initial())
     }
 
+    /// Seconds of a density-control step before one is measured.
+    fn density_secs(&self, splats: f64) -> f64 {
+        DENSITY_STEPS * self.step_secs(1.0, splats) + splats * self.costs.density_secs_per_splat
+    }
+
+    /// Seconds of a round of pruning before one is measured.
+    fn round_secs(&self, splats: f64) -> f64 {
+        ROUND_STEPS_PER_PROBE * self.probes * self.step_secs(1.0, splats)
+            + splats * self.costs.round_secs_per_splat
+    }
+
     /// Seconds of all that comes after step `done`, when the model has `splats`, before anything is measured.
     pub fn remaining(
         &self,
@@ -70,7 +81,6 @@ impl Course {
         scale: impl Fn(u32) -> f64,
     ) -> Remaining {
         let now = (schedule.share(done), splats);
-        let full = |step: u32| self.step_secs(1.0, self.size.splats(schedule.share(step), now));
         let mut left = Remaining { end_secs: self.end_secs, ..Remaining::default() };
         let mut from = done;
         while from < schedule.last_step {
@@ -79,10 +89,10 @@ impl Course {
             let steps = f64::from(next.min(schedule.last_step) - from);
             left.steps_secs += steps * self.step_secs(scale(schedule.last_density_step(from)), splats);
             if schedule.is_density_step(next) {
-                left.density_secs += DENSITY_STEPS * full(from);
+                left.density_secs += self.density_secs(splats);
             }
             if schedule.rounds_left(next) > 0 {
-                left.pruning_secs += ROUND_STEPS_PER_PROBE * self.probes * full(from);
+                left.pruning_secs += self.round_secs(splats);
             }
             from = next;
         }
@@ -119,14 +129,13 @@ impl Eta {
     /// Takes in that a density-control step took `secs`.
     pub fn observe_density(&mut self, secs: f64, splats: usize) {
         self.density[0] += secs;
-        self.density[1] += DENSITY_STEPS * self.course.step_secs(1.0, splats as f64);
+        self.density[1] += self.course.density_secs(splats as f64);
     }
 
     /// Takes in that a round of pruning took `secs`.
     pub fn observe_round(&mut self, secs: f64, splats: usize) {
         self.pruning[0] += secs;
-        self.pruning[1] +=
-            ROUND_STEPS_PER_PROBE * self.course.probes * self.course.step_secs(1.0, splats as f64);
+        self.pruning[1] += self.course.round_secs(splats as f64);
     }
 
     /// What is left after step `done`.
