@@ -435,6 +435,18 @@ fn photos_are_written_upright_and_half_decoded_heic_is_refused() {
         assert!(expected == 0 || text.contains("512 x 512 px of a photo of 64 x 48"), "{text}");
     }
     assert!(place.path("out folder/images/h.jpg").exists());
+    // Where a file holds several images, the programs number what they write.
+    let several =
+        "cp \"$HERE/decoded.png\" \"${2%.png}-2.png\"\ncp \"$HERE/other.png\" \"${2%.png}-1.png\"\n";
+    let place = Place::new().colmap("4.0").program("heif-convert", several).photos();
+    fs::write(place.path("my photos/h.HEIC"), heic()).unwrap();
+    image::RgbImage::from_pixel(64, 48, image::Rgb([250; 3])).save(place.path("decoded.png")).unwrap();
+    image::RgbImage::new(40, 30).save(place.path("other.png")).unwrap();
+    let (code, text) = place.run(&PHOTOS);
+    assert_eq!(code, 0, "{text}");
+    let taken = image::open(place.path("out folder/images/h.jpg")).unwrap().into_rgb8();
+    assert!(taken.dimensions() == (64, 48) && taken.get_pixel(9, 9)[0] > 240);
+    assert!(!place.path("out folder/images/h.decoded").exists());
 }
 
 /// A HEIC file of 64 x 48 pixels, none of which it holds.

@@ -126,26 +126,7 @@ impl Photo {
             return Ok(atomic_file::write(&to, &input_file::read(&self.file, FILE_BYTES_MAX)?)?);
         }
         let mut image = if self.way == Way::Converted {
-            let decoded = to.with_extension("decoded.png");
-            tools.heif_command(&self.file, &decoded).run(log, observer, |_| {}).map_err(|e| match e {
-                Error::Device(what) => invalid!(&self.file, "could not be decoded: {what}"),
-                other => other,
-            })?;
-            let image = open(&decoded)?;
-            std::fs::remove_file(&decoded).map_err(|e| Error::io(&decoded, e))?;
-            if (image.width(), image.height()) != self.size {
-                return Err(unsupported!(
-                    &self.file,
-                    "{} decoded {} x {} px of a photo of {} x {}, so it does not know all of this format: update it, or \
-                     export the photo as JPEG",
-                    tools.heif_name(),
-                    image.width(),
-                    image.height(),
-                    self.size.0,
-                    self.size.1
-                ));
-            }
-            image
+            self.decoded(&to.with_extension("decoded"), tools, log, observer)?
         } else {
             open(&self.file)?
         };
@@ -159,6 +140,40 @@ impl Photo {
             .write_with_encoder(encoder)
             .map_err(|e| Error::io(&to, std::io::Error::other(e)))?;
         Ok(atomic_file::write(&to, &bytes)?)
+    }
+
+    /// The photo as another program decodes it, which may write several images of one file, numbered; `folder` does not stay.
+    fn decoded(
+        &self,
+        folder: &Path,
+        tools: &Tools,
+        log: &Path,
+        observer: &dyn Observer,
+    ) -> Result<DynamicImage> {
+        let of_folder = |e| Error::io(folder, e);
+        std::fs::create_dir_all(folder).map_err(of_folder)?;
+        let command = tools.heif_command(&self.file, &folder.join("image.png"));
+        command.run(log, observer, |_| {}).map_err(|e| match e {
+            Error::Device(what) => invalid!(&self.file, "could not be decoded: {what}"),
+            other => other,
+        })?;
+        let entries = std::fs::read_dir(folder).map_err(of_folder)?;
+        let mut files: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
+        files.sort_by_key(|file| (file.as_os_str().len(), file.clone()));
+        let images = files.iter().map(|file| open(file)).collect::<Result<Vec<_>>>()?;
+        std::fs::remove_dir_all(folder).map_err(of_folder)?;
+        let sizes: Vec<String> = images.iter().map(|i| format!("{} x {}", i.width(), i.height())).collect();
+        images.into_iter().find(|image| (image.width(), image.height()) == self.size).ok_or_else(|| {
+            unsupported!(
+                &self.file,
+                "{} decoded {} px of a photo of {} x {}, so it does not know all of this format: update it, or export \
+                 the photo as JPEG",
+                tools.heif_name(),
+                if sizes.is_empty() { "nothing".into() } else { sizes.join(" and ") },
+                self.size.0,
+                self.size.1
+            )
+        })
     }
 }
 
