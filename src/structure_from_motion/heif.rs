@@ -6,7 +6,7 @@ use std::ops::Range;
 /// What the header says.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HeifHeader {
-    /// Width and height of the photo after its turn.
+    /// Width and height of the photo after its crop and its turn.
     pub size: (u32, u32),
     /// The TIFF structure of its EXIF data; empty if there is none.
     pub exif: Vec<u8>,
@@ -26,19 +26,26 @@ pub fn read(file: &[u8]) -> Option<HeifHeader> {
     let properties = all.find(meta.clone(), b"iprp")?;
     let known = all.boxes(all.find(properties.clone(), b"ipco")?);
     let own = all.associations(all.find(properties, b"ipma")?, primary)?;
-    let (mut size, mut turns) = (None, 0);
+    let mut size = None;
+    // Crops and turns apply in the order in which they are listed.
     for (kind, content) in own.into_iter().filter_map(|index| known.get(index.checked_sub(1)?)) {
         match *kind {
             b"ispe" => {
                 let side = |at| u32::try_from(all.uint(at, 4)?).ok();
                 size = Some((side(content.start + 4)?, side(content.start + 8)?));
             }
-            b"irot" => turns = all.uint(content.start, 1)? & 3,
+            b"clap" => {
+                let side = |at| {
+                    let [above, below] = [all.uint(at, 4)?, all.uint(at + 4, 4)?];
+                    u32::try_from((above + below / 2).checked_div(below)?).ok()
+                };
+                size = Some((side(content.start)?, side(content.start + 8)?));
+            }
+            b"irot" if all.uint(content.start, 1)? % 2 == 1 => size = size.map(|(w, h)| (h, w)),
             _ => {}
         }
     }
-    let (width, height) = size.filter(|(w, h)| *w > 0 && *h > 0)?;
-    let size = if turns % 2 == 1 { (height, width) } else { (width, height) };
+    let size = size.filter(|(width, height)| *width > 0 && *height > 0)?;
     Some(HeifHeader { size, exif: all.exif(meta).unwrap_or_default().to_vec() })
 }
 
@@ -154,11 +161,16 @@ pub mod tests {
 
     /// A file of a photo of this stored size, turned by a quarter `turns` times, with EXIF data and no pixels.
     pub fn heif(size: (u32, u32), turns: u8) -> Vec<u8> {
+        heif_with(size, &boxed(b"irot", &[turns]))
+    }
+
+    /// The same with any third property.
+    fn heif_with(size: (u32, u32), property: &[u8]) -> Vec<u8> {
         let exif = exif_of("Phone 15", 6, 26);
         let brand = boxed(b"ftyp", b"heic\0\0\0\0heicmif1");
         let tile = [&[0; 4][..], &512_u32.to_be_bytes(), &512_u32.to_be_bytes()].concat();
         let whole = [&[0; 4][..], &size.0.to_be_bytes(), &size.1.to_be_bytes()].concat();
-        let known = [boxed(b"ispe", &tile), boxed(b"ispe", &whole), boxed(b"irot", &[turns])].concat();
+        let known = [boxed(b"ispe", &tile), boxed(b"ispe", &whole), property.to_vec()].concat();
         // Two items: a tile with property 1, the photo with 2 and 3.
         let links = [&[0, 0, 0, 0, 0, 0, 0, 2][..], &[0, 1, 1, 1], &[0, 2, 2, 2, 0x83]].concat();
         let properties = boxed(b"iprp", &[boxed(b"ipco", &known), boxed(b"ipma", &links)].concat());
@@ -189,6 +201,11 @@ pub mod tests {
         assert_eq!((found.size, found.exif), ((4032, 3024), exif_of("Phone 15", 6, 26)));
         assert_eq!(read(&heif((4032, 3024), 3)).unwrap().size, (3024, 4032));
         assert_eq!(read(&heif((0, 3024), 0)), None);
+        let crop = |numbers: [u32; 4]| {
+            boxed(b"clap", &[numbers.map(u32::to_be_bytes).concat(), vec![0; 16]].concat())
+        };
+        assert_eq!(read(&heif_with((4032, 3024), &crop([770, 2, 330, 1]))).unwrap().size, (385, 330));
+        assert_eq!(read(&heif_with((4032, 3024), &crop([770, 0, 330, 1]))), None);
     }
 
     #[test]
