@@ -26,22 +26,21 @@ pub fn read(file: &[u8]) -> Option<HeifHeader> {
     let properties = all.find(meta.clone(), b"iprp")?;
     let known = all.boxes(all.find(properties.clone(), b"ipco")?);
     let own = all.associations(all.find(properties, b"ipma")?, primary)?;
-    let mut size = None;
+    let own = own.into_iter().filter_map(|index| known.get(index.checked_sub(1)?));
+    let number = |at| u32::try_from(all.uint(at, 4)?).ok();
+    let stored = own.clone().filter(|(kind, _)| *kind == b"ispe").last();
+    let mut size = stored.and_then(|(_, at)| Some((number(at.start + 4)?, number(at.start + 8)?)));
     // Crops and turns apply in the order in which they are listed.
-    for (kind, content) in own.into_iter().filter_map(|index| known.get(index.checked_sub(1)?)) {
+    for (kind, at) in own {
         match *kind {
-            b"ispe" => {
-                let side = |at| u32::try_from(all.uint(at, 4)?).ok();
-                size = Some((side(content.start + 4)?, side(content.start + 8)?));
-            }
             b"clap" => {
                 let side = |at| {
                     let [above, below] = [all.uint(at, 4)?, all.uint(at + 4, 4)?];
                     u32::try_from((above + below / 2).checked_div(below)?).ok()
                 };
-                size = Some((side(content.start)?, side(content.start + 8)?));
+                size = Some((side(at.start)?, side(at.start + 8)?));
             }
-            b"irot" if all.uint(content.start, 1)? % 2 == 1 => size = size.map(|(w, h)| (h, w)),
+            b"irot" if all.uint(at.start, 1)? % 2 == 1 => size = size.map(|(w, h)| (h, w)),
             _ => {}
         }
     }
@@ -171,8 +170,8 @@ pub mod tests {
         let tile = [&[0; 4][..], &512_u32.to_be_bytes(), &512_u32.to_be_bytes()].concat();
         let whole = [&[0; 4][..], &size.0.to_be_bytes(), &size.1.to_be_bytes()].concat();
         let known = [boxed(b"ispe", &tile), boxed(b"ispe", &whole), property.to_vec()].concat();
-        // Two items: a tile with property 1, the photo with 2 and 3.
-        let links = [&[0, 0, 0, 0, 0, 0, 0, 2][..], &[0, 1, 1, 1], &[0, 2, 2, 2, 0x83]].concat();
+        // Two items: a tile with property 1, the photo with 3 and 2, as some programs order them.
+        let links = [&[0, 0, 0, 0, 0, 0, 0, 2][..], &[0, 1, 1, 1], &[0, 2, 2, 0x83, 2]].concat();
         let properties = boxed(b"iprp", &[boxed(b"ipco", &known), boxed(b"ipma", &links)].concat());
         let info =
             |id: u8, kind: &[u8; 4]| boxed(b"infe", &[&[2, 0, 0, 0, 0, id, 0, 0][..], kind, &[0]].concat());
