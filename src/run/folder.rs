@@ -85,9 +85,10 @@ impl RunFolder {
         let refuse = |what: &str| Err(usage!("{}: {what}", root.display()));
         match (is_run(root), force) {
             (true, true) => Ok(()),
-            (true, false) => {
-                refuse("the folder already holds a run; --force replaces it, --resume continues it")
-            }
+            // For a run of many as well, which --resume does not continue.
+            (true, false) => refuse(
+                "the folder already holds a run; --resume-or-start continues it if it is unfinished, --force replaces it",
+            ),
             (false, true) => refuse(
                 "the folder is not empty and holds no run; --force replaces only runs, choose another folder",
             ),
