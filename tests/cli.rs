@@ -126,9 +126,10 @@ fn wrong_input_exits_with_3_and_leaves_no_run_behind() {
     for (arguments, parts) in [
         (
             vec!["train", &nowhere, "-o", &run_dir],
-            vec!["nowhere: no such file or folder; expected the folder of a capture\n"],
+            vec!["error[missing]: ", "nowhere: no such file or folder; check the path\n"],
         ),
-        (vec!["train", &empty, "-o", &run_dir], vec!["empty"]),
+        (vec!["schedule", &nowhere], vec!["error[missing]: "]),
+        (vec!["train", &empty, "-o", &run_dir], vec!["error[invalid-input]: ", "empty"]),
         (vec!["train", &empty, "-o", &run_dir, "--config", &path("bad.toml")], vec!["bad.toml", "stps"]),
         (vec!["train", "--resume", &empty], vec!["no checkpoint"]),
         (vec!["train", &empty, "-o", &empty, "--resume"], vec!["no checkpoint"]),
@@ -177,7 +178,7 @@ fn every_command_leaves_by_the_same_door() {
         let (code, stdout, stderr) = run(&words);
         assert!(code == 3 && stdout.is_empty(), "{command}: {code} {stdout}{stderr}");
         let error: serde_json::Value = serde_json::from_str(stderr.trim()).unwrap();
-        assert_eq!(error["event"], "error", "{command}");
+        assert_eq!((&error["event"], &error["code"]), (&"error".into(), &"missing".into()), "{command}");
         assert!(error["message"].as_str().unwrap().starts_with("/nowhere"), "{command}: {error}");
     }
     for (command, schema) in [

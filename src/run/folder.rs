@@ -286,9 +286,7 @@ pub fn find_checkpoint(path: &Path) -> Result<PathBuf> {
     if path.is_file() {
         return Err(unknown_kind(path, RUN_OR_CHECKPOINT).into());
     }
-    if !path.exists() {
-        return Err(Error::io(path, std::io::ErrorKind::NotFound.into()));
-    }
+    input_file::check_exists(path)?;
     checkpoints(path)?.pop().map(|(_, file)| file).ok_or_else(|| Error::invalid(path, no_checkpoint(path)))
 }
 
