@@ -557,8 +557,8 @@ fn impossible_exports_are_refused_before_writing() {
     assert_eq!(std::fs::read(&file).unwrap(), b"mine");
     let (code, message) = bad(&["verify", text(&file), "--against", text(run)]);
     assert!(code == 3 && message.contains("a.ply"), "{message}");
-    let (code, _) = bad(&["validate", text(&file)]);
-    assert_eq!(code, 1);
+    let (code, message) = bad(&["validate", text(&file)]);
+    assert!(code == 1 && message.trim_end().ends_with("a.ply: breaks 1 rule"), "{message}");
 }
 
 #[cfg(unix)]

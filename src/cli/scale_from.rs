@@ -277,7 +277,7 @@ mod tests {
         assert_eq!(parse_scale_from("none"), Ok(ScaleFrom::None));
         for (wrong, part) in [
             ("a:1,2 a:3,4", "no '='"),
-            ("a:1,2 = 1m", "1 points"),
+            ("a:1,2 = 1m", "1 point:"),
             ("a:1,2 a:3,4 a:5,6 = 1m", "3 points"),
             ("a:1,2 a:1,2 = 1m", "same"),
             ("a:1,2 a:3 = 1m", "VIEW:x,y"),
