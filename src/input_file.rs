@@ -27,6 +27,14 @@ pub fn read_text(path: &Path, bytes_max: u64) -> Result<String> {
     Ok(text)
 }
 
+/// Checks that there is a file or a folder.
+///
+/// # Errors
+/// [`Error::Io`], which counts as missing.
+pub fn check_exists(path: &Path) -> Result<()> {
+    if path.exists() { Ok(()) } else { Err(Error::io(path, ErrorKind::NotFound.into())) }
+}
+
 /// Checks that a file may be opened by a reader that takes a path: a regular file of at most `bytes_max`.
 ///
 /// # Errors

@@ -126,9 +126,10 @@ fn wrong_input_exits_with_3_and_leaves_no_run_behind() {
     for (arguments, parts) in [
         (
             vec!["train", &nowhere, "-o", &run_dir],
-            vec!["nowhere: no such file or folder; expected the folder of a capture\n"],
+            vec!["error[missing]: ", "nowhere: no such file or folder; check the path\n"],
         ),
-        (vec!["train", &empty, "-o", &run_dir], vec!["empty"]),
+        (vec!["schedule", &nowhere], vec!["error[missing]: "]),
+        (vec!["train", &empty, "-o", &run_dir], vec!["error[invalid-input]: ", "empty"]),
         (vec!["train", &empty, "-o", &run_dir, "--config", &path("bad.toml")], vec!["bad.toml", "stps"]),
         (vec!["train", "--resume", &empty], vec!["no checkpoint"]),
         (vec!["train", &empty, "-o", &empty, "--resume"], vec!["no checkpoint"]),
@@ -177,7 +178,7 @@ fn every_command_leaves_by_the_same_door() {
         let (code, stdout, stderr) = run(&words);
         assert!(code == 3 && stdout.is_empty(), "{command}: {code} {stdout}{stderr}");
         let error: serde_json::Value = serde_json::from_str(stderr.trim()).unwrap();
-        assert_eq!(error["event"], "error", "{command}");
+        assert_eq!((&error["event"], &error["code"]), (&"error".into(), &"missing".into()), "{command}");
         assert!(error["message"].as_str().unwrap().starts_with("/nowhere"), "{command}: {error}");
     }
     for (command, schema) in [
@@ -415,6 +416,11 @@ fn invalid_numbers_are_refused_by_the_options_own_message() {
         (&["sample", "x", "--views", "-3"], "'-3' for '--views <N>': expected a whole number"),
         (&["sample", "x", "--points", "1.5"], "'1.5' for '--points <N>': expected a whole number"),
         (&["verify", "x", "--against", "y", "--max-loss", "-1"], "such as 0.1dB"),
+        (&["train", "x", "-o", "y", "--time", "-5m"], "'-5m' for '--time <TIME>': expected a time like 90s"),
+        (&["train", "x", "-o", "y", "--budget-params", "-5k"], "'-5k' for '--budget-params <N>'"),
+        (&["inspect", "x", "--image-cache", "-4GiB"], "'-4GiB' for '--image-cache"),
+        // Negative control: a value where none is expected.
+        (&["inspect", "x", "-5m"], "unexpected argument '-5'"),
     ] {
         let (code, _, stderr) = run(arguments);
         assert!(code == 2 && stderr.contains(part) && !stderr.contains("tip:"), "{arguments:?}: {stderr}");
@@ -433,6 +439,19 @@ fn unknown_options_get_the_tip_to_pass_them_as_values_only_where_such_a_file_exi
     // Tips about the spelling stay.
     let (_, _, stderr) = litetex_in(dir.path(), &["train", "x", "--sed", "1"]);
     assert!(stderr.contains("'--seed'"), "{stderr}");
+}
+
+#[test]
+fn tips_name_what_is_looked_for() {
+    for (arguments, tip, other) in [
+        (["--max-time", "5m"], "tip: the time of a training is set with '--time 10m'", "max-resolution"),
+        (["--profile", "fast"], "a shorter training is '--time 2m'", "similar value"),
+        // Negative control: an option that no tip is about.
+        (["--max-resolutio", "64"], "tip: a similar argument exists: '--max-resolution'", "--time 10m"),
+    ] {
+        let (code, _, stderr) = run(&[&["train", "x", "-o", "y"][..], &arguments].concat());
+        assert!(code == 2 && stderr.contains(tip) && !stderr.contains(other), "{arguments:?}: {stderr}");
+    }
 }
 
 #[test]

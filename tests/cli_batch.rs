@@ -205,7 +205,11 @@ fn archives_are_trained_and_assets_lie_in_their_runs() {
         assert_eq!(before.unwrap().modified().unwrap(), after.unwrap().modified().unwrap());
     }
     // Negative control: without --resume-or-start the folders are taken.
-    assert_eq!(place.train(&["a", "packed.zip"], &["--steps=3"]).status.code(), Some(2));
+    let taken = place.train(&["a", "packed.zip"], &["--steps=3"]);
+    let text = said(&taken);
+    assert_eq!(taken.status.code(), Some(2), "{text}");
+    // What it advises is what the test has done.
+    assert!(text.contains("; --resume-or-start continues it") && !text.contains("--resume "), "{text}");
 }
 
 fn files_below(folder: &Path) -> Vec<PathBuf> {

@@ -208,12 +208,21 @@ fn formats_without_textures_tell_what_the_textures_were_good_for() {
     for (i, name) in [(0, "a.spz"), (1, "a.ply")] {
         let line = table.lines().find(|line| line.contains(&format!("{name}: "))).unwrap();
         assert!(line.contains(&format!("{:.2} dB against the textured scene", of(i, "psnr_to_textured"))));
+        // The figures of the table, and no others.
+        let [before, after] =
+            ["before", "after"].map(|key| files[i]["on_test_photos"][key].as_f64().unwrap());
+        assert!(table.contains(&format!("{before:.2} -> {after:.2} dB")), "{table}");
+        let both = format!("; test PSNR {before:.2} dB with the textures, {after:.2} dB without; ");
+        assert!(line.contains(&both) && !line.contains("estimated"), "{line}");
         assert!(line.ends_with(ADVICE), "{line}");
     }
     assert!(!table.contains("a.glb: "), "{table}");
     let unverified = json(&[&export[..], &["--no-verify"]].concat());
     assert_eq!(unverified["files"][0]["lost_textures"]["train_instead"], ADVICE);
     assert!(unverified["files"][0]["lost_textures"]["psnr_to_textured"].is_null());
+    // An asset alone has no photos.
+    let table = good(&["export", text(&glb), "-o", text(&at("alone.ply")), "--device", "cpu"]);
+    assert!(table.contains(" dB of test PSNR lost with the textures; "), "{table}");
     // Negative controls: a file that has no textures any more, and a run that never had any; `train --export` says the same.
     let table = good(&["export", text(&spz), "-o", text(&at("again.ply")), "--device", "cpu"]);
     assert!(!table.contains(ADVICE), "{table}");
@@ -548,8 +557,8 @@ fn impossible_exports_are_refused_before_writing() {
     assert_eq!(std::fs::read(&file).unwrap(), b"mine");
     let (code, message) = bad(&["verify", text(&file), "--against", text(run)]);
     assert!(code == 3 && message.contains("a.ply"), "{message}");
-    let (code, _) = bad(&["validate", text(&file)]);
-    assert_eq!(code, 1);
+    let (code, message) = bad(&["validate", text(&file)]);
+    assert!(code == 1 && message.trim_end().ends_with("a.ply: breaks 1 rule"), "{message}");
 }
 
 #[cfg(unix)]

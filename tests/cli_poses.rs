@@ -305,10 +305,17 @@ fn missing_programs_are_named_with_what_to_install_and_print_shows_the_commands(
     assert!(text.contains(&convert) && !text.contains("# ImageMagick"), "{text}");
     place.write("clip.mp4", "");
     let (code, text) = place.run(&["capture", "clip.mp4", "-o", "v"]);
-    assert!(
-        code == 5 && text.contains("ffmpeg is missing") || text.contains("ffmpeg, which reads videos"),
-        "{text}"
-    );
+    assert!(code == 5 && text.contains("ffmpeg, which reads videos, is missing. Install it:"), "{text}");
+    // What does not serve comes first.
+    let place = place.program("other", "");
+    for (name, wrong) in [("bin/none", "no such program"), ("bin/other", "does not answer as COLMAP does")] {
+        let program = place.path(name);
+        let (code, text) =
+            place.run(&["capture", "my photos", "-o", "v", "--colmap", program.to_str().unwrap()]);
+        let first = format!("error[device]: --colmap {}: {wrong}; ", program.display());
+        assert!(code == 5 && text.starts_with(&first), "{text}");
+        assert!(text.contains("\npycolmap 4 or COLMAP 3.8, which finds the poses, is missing."), "{text}");
+    }
     fs::write(place.path("my photos/d.heic"), "x").unwrap();
     let (code, text) = place.run(&PHOTOS);
     assert!(code == 3 && text.contains("d.heic"), "{text}");

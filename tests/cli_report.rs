@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::cli::{bad, good, json, text};
+use common::cli::{bad, good, json, litetex, text};
 use litetex_exporters::html;
 use std::path::{Path, PathBuf};
 
@@ -70,6 +70,10 @@ fn a_report_is_one_page_that_is_read_as_a_scene() {
     assert_eq!(again["files"].as_array().unwrap().len(), 2, "{}", again["files"]);
     assert_eq!(again["files"][1]["name"], "scene.ltgs");
     assert_eq!(again["files"][1]["loss_db"], 0.0);
+    // The run has ten training views, and its capture is read twice: for the page, and to verify the scene in it.
+    let output = litetex(&["report", text(&run), "-o", text(&at("said.html")), "--device", "cpu", "-q"]);
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success() && said.matches("[few-training-views]").count() == 1, "{said}");
     for (source, out, expected) in [
         (text(&run), "page.pdf", ".html"),
         (text(&compact), "b.html", "is an asset, expected a run"),
@@ -89,7 +93,7 @@ fn a_report_is_one_page_that_is_read_as_a_scene() {
 #[test]
 fn runs_without_test_views_and_textures_have_reports() {
     let folder = tempfile::tempdir().unwrap();
-    let more = ["--test-every", "0", "--policy", "none"];
+    let more = ["--test-every", "0", "--policy", "none", "--set", "plan=[[4, 9]]"];
     let run = trained(folder.path(), "run", &more);
     // As if the training had been killed.
     std::fs::remove_file(run.join("summary.json")).unwrap();
@@ -99,6 +103,9 @@ fn runs_without_test_views_and_textures_have_reports() {
     assert_eq!(found["worst_views"]["views"].as_array().unwrap().len(), 3);
     let html = std::fs::read_to_string(&page).unwrap();
     assert!(html.contains("The capture has no test views") && html.contains("0 texels"));
+    // It has the 9 steps that its plan left of 12.
+    assert!(run.join("checkpoints/step-000009.safetensors").exists());
+    assert!(!html.contains("the training was interrupted"));
 }
 
 #[test]

@@ -7,9 +7,9 @@ use litetex_gs::console::device;
 use litetex_gs::console::values::{parse_decibels, whole};
 use litetex_gs::console::{Interrupt, Log, Output, columns, path_text};
 use litetex_gs::run::find_checkpoint;
-use litetex_gs::text::shortened;
+use litetex_gs::text::{counted, shortened};
 use litetex_gs::verify::{Difference, SceneRenderer, evenly_spread};
-use litetex_gs::{Error, Result, invalid, usage};
+use litetex_gs::{Error, Result, input_file, invalid, usage};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -42,9 +42,7 @@ const NAME_CHARS: usize = 60;
 /// Compares and prints.
 pub fn run(args: &CompareArgs, log: &Log) -> Result<Output> {
     for path in [&args.a, &args.b] {
-        if !path.exists() {
-            return Err(Error::io(path, std::io::ErrorKind::NotFound.into()));
-        }
+        input_file::check_exists(path)?;
         if !is_image_name(path) {
             check_kind(path, ", an image (.png, .jpg, .exr) or a folder of images")?;
         }
@@ -161,7 +159,8 @@ fn images(a: &Path, b: &Path) -> Result<Vec<Difference>> {
     let alone = in_a.symmetric_difference(&in_b).count();
     if alone > 0 {
         return Err(usage!(
-            "{alone} images are in one folder only, the first is {}",
+            "{} in one folder only, the first is {}",
+            counted(alone, "image"),
             in_a.symmetric_difference(&in_b).next().map_or(String::new(), |p| p.display().to_string())
         ));
     }

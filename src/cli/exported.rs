@@ -102,14 +102,24 @@ impl Exported {
         })
     }
 
-    /// What the scene's textures were good for, and how to train without them, as a line; `None` where none are lost.
+    /// What the scene's textures were good for, and how to train without them, as a line; `None` where none are lost. The test PSNRs
+    /// are those of the row; without photos there is an estimate from other views.
     fn lost_textures(&self) -> Option<String> {
         self.loses_textures.then(|| {
+            let cost = |loss_db: f64| match self.on_test_photos {
+                Some(PhotoPsnr { before, after, .. }) => {
+                    format!("test PSNR {before:.2} dB with the textures, {after:.2} dB without")
+                }
+                None => format!("an estimated {loss_db:.2} dB of test PSNR lost with the textures"),
+            };
             let lost = self.verdict.as_ref().map_or_else(
                 || "the textures are lost".to_owned(),
                 |v| {
-                    let (psnr, loss) = (v.fallback_psnr, v.fallback_loss_db);
-                    format!("{psnr:.2} dB against the textured scene, {loss:.2} dB lost with the textures")
+                    format!(
+                        "{:.2} dB against the textured scene; {}",
+                        v.fallback_psnr,
+                        cost(v.fallback_loss_db)
+                    )
                 },
             );
             format!("{}: {lost}; train scenes for this format with: {TRAIN_INSTEAD}\n", self.path.display())

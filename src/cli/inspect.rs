@@ -13,7 +13,7 @@ use litetex_gs::model::Model;
 use litetex_gs::run::{Summary, Trained, find_checkpoint, is_checkpoint};
 use litetex_gs::text::{format_bytes, format_count, shortened};
 use litetex_gs::views::{Split, ViewSource};
-use litetex_gs::{Error, Result};
+use litetex_gs::{Result, input_file};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -69,9 +69,7 @@ fn in_words(verdict: &Verdict) -> String {
 
 fn inspect(args: &InspectArgs, log: &Log) -> Result<Found> {
     let path = &args.path;
-    if !path.exists() {
-        return Err(Error::io(path, std::io::ErrorKind::NotFound.into()));
-    }
+    input_file::check_exists(path)?;
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
     match extension.to_ascii_lowercase().as_str() {
         "ply" if path.is_file() => ply(path, log).map(Found::from),

@@ -104,6 +104,11 @@ enum Command {
 }
 
 impl Program for Cli {
+    const TIPS: &'static [(&'static str, &'static str)] = &[
+        ("--max-time", "the time of a training is set with '--time 10m'"),
+        ("--profile", "profiles are sets of settings; a shorter training is '--time 2m'"),
+    ];
+
     fn common(&self) -> &CommonArgs {
         &self.common
     }

@@ -10,7 +10,7 @@ use litetex_gs::console::values::whole;
 use litetex_gs::console::{Log, Output};
 use litetex_gs::run::{check_empty, is_run};
 use litetex_gs::sample::{SampleOptions, write_sample};
-use litetex_gs::text::shell_word;
+use litetex_gs::text::{counted, shell_word};
 use litetex_gs::{Error, Result, usage};
 use std::path::{Path, PathBuf};
 
@@ -45,7 +45,7 @@ pub fn run(args: &QuickstartArgs, log: &Log) -> Result<Output> {
     log.info(&format!("1/3 making a sample capture in {}", capture.display()));
     // An earlier sample has the same files.
     write_sample(&capture, &SampleOptions::default())?;
-    log.info(&format!("2/3 training {} steps on the CPU", args.steps));
+    log.info(&format!("2/3 training {} on the CPU", counted(args.steps as usize, "step")));
     let train_args = TrainArgs {
         captures: vec![capture.clone()],
         out: Some(run.clone()),

@@ -7,6 +7,7 @@ use litetex_gs::console::{Interrupt, Log, device};
 use litetex_gs::report_page::FileFigures;
 use litetex_gs::run::{Summary, Trained, run_of_checkpoint};
 use litetex_gs::text::{counted, format_count, format_duration};
+use litetex_gs::train::TrainConfig;
 use litetex_gs::verify::{
     BakedScene, EXPORT_VIEWS, ExpectedImages, QualityLimits, ReadBack, SceneRenderer, evenly_spread, verify,
 };
@@ -90,15 +91,7 @@ pub fn facts(trained: &Trained, capture: Option<&Capture>) -> Vec<(&'static str,
         .filter(|summary| summary.steps == trained.step);
     let mut facts = Vec::new();
     let mut add = |name, value: String| facts.push((name, value));
-    let steps = [trained.step, train.steps].map(|steps| format_count(steps.into()));
-    let ended = match trained.step < train.steps {
-        true => ": the training was interrupted, or has not ended",
-        false => "",
-    };
-    add(
-        "steps",
-        if ended.is_empty() { steps[0].clone() } else { format!("{} of {}{ended}", steps[0], steps[1]) },
-    );
+    add("steps", steps(trained.step, train));
     add("profile, policy", format!("{}, {}", config.profile.name(), train.policy));
     add("seed", train.seed.to_string());
     let model = &trained.model;
@@ -132,6 +125,15 @@ pub fn facts(trained: &Trained, capture: Option<&Capture>) -> Vec<(&'static str,
     facts
 }
 
+/// The steps of a training, and what it lacks of the length that it last decided on.
+fn steps(done: u32, train: &TrainConfig) -> String {
+    let [done_text, last] = [done, train.last_step()].map(|steps| format_count(steps.into()));
+    match done < train.last_step() {
+        true => format!("{done_text} of {last}: the training was interrupted, or has not ended"),
+        false => done_text,
+    }
+}
+
 /// Title, author, licence and source.
 pub fn metadata(facts: &Provenance) -> Vec<(&'static str, String)> {
     let or = |text: &str, option: &str| match text {
@@ -144,4 +146,21 @@ pub fn metadata(facts: &Provenance) -> Vec<(&'static str, String)> {
         ("licence", or(&facts.licence, "--licence")),
         ("source", or(&facts.source, "--source")),
     ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_training_is_ended_by_its_plan() {
+        let planned =
+            |plan: &[[u32; 2]]| TrainConfig { steps: 115, plan: plan.to_vec(), ..TrainConfig::default() };
+        let shorter = planned(&[[20, 137], [44, 71]]);
+        assert_eq!(steps(71, &shorter), "71");
+        assert_eq!(steps(70, &shorter), "70 of 71: the training was interrupted, or has not ended");
+        // Negative controls: a plan that has grown, and none.
+        assert!(steps(115, &planned(&[[20, 1200]])).starts_with("115 of 1,200: "));
+        assert_eq!(steps(115, &planned(&[])), "115");
+    }
 }

@@ -5,6 +5,7 @@ use litetex_gs::console::values::{ImageSize, parse_image_size, parse_whole};
 use litetex_gs::console::{Log, Output, Table, path_text};
 use litetex_gs::run::check_empty;
 use litetex_gs::sample::{NeedScene, SampleOptions, Stress, write_sample, write_video};
+use litetex_gs::text::counted;
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -97,7 +98,12 @@ pub fn run(args: &SampleArgs, log: &Log) -> Result<Output> {
     check_empty(&args.dir)?;
     let options = args.options();
     if let Some(frames) = args.video {
-        log.info(&format!("ray-casting {frames} frames of {} x {}", options.width_px, options.height_px));
+        log.info(&format!(
+            "ray-casting {} of {} x {}",
+            counted(frames, "frame"),
+            options.width_px,
+            options.height_px
+        ));
         write_video(&args.dir, &options, frames)?;
         let file = args.dir.join("video.avi");
         let mut table = Table::default();
@@ -107,8 +113,10 @@ pub fn run(args: &SampleArgs, log: &Log) -> Result<Output> {
         return Ok(Output::new("litetex-sample/1", found, table));
     }
     log.info(&format!(
-        "ray-casting {} photos of {} x {}",
-        options.views, options.width_px, options.height_px
+        "ray-casting {} of {} x {}",
+        counted(options.views, "photo"),
+        options.width_px,
+        options.height_px
     ));
     let made = write_sample(&args.dir, &options)?;
     let mut table = Table::default();

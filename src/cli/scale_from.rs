@@ -6,7 +6,7 @@ use litetex_gs::camera::Camera;
 use litetex_gs::capture::Capture;
 use litetex_gs::console::Log;
 use litetex_gs::run::{Scale, Trained};
-use litetex_gs::text::quoted;
+use litetex_gs::text::{counted, quoted};
 use litetex_gs::verify::BakedScene;
 use litetex_gs::views::ViewSource as _;
 use litetex_gs::{Result, usage};
@@ -52,8 +52,9 @@ pub fn parse_scale_from(text: &str) -> Result<ScaleFrom, String> {
     let (points, length) = text.rsplit_once('=').ok_or_else(|| format!("{text:?} has no '=': {expected}"))?;
     let metres = parse_length(length.trim())?;
     let points = parse_points(points).ok_or_else(|| format!("{points:?}: {expected}"))?;
-    let points: [Point; 2] =
-        points.try_into().map_err(|found: Vec<Point>| format!("{} points: {expected}", found.len()))?;
+    let points: [Point; 2] = points
+        .try_into()
+        .map_err(|found: Vec<Point>| format!("{}: {expected}", counted(found.len(), "point")))?;
     if points[0] == points[1] {
         return Err(format!("{text:?}: both points are the same; choose two that are far from each other"));
     }
@@ -157,7 +158,8 @@ pub fn measure(
         ));
     }
     let (units, factor) = (rounded(units, DIGITS_SHOWN), rounded(factor, DIGITS_SHOWN));
-    log.info(&format!("the points are {units} units of the capture apart: a unit is {factor} m"));
+    let noun = if units == 1.0 { "unit" } else { "units" };
+    log.info(&format!("the points are {units} {noun} of the capture apart: a unit is {factor} m"));
     Ok(scale)
 }
 
@@ -275,7 +277,7 @@ mod tests {
         assert_eq!(parse_scale_from("none"), Ok(ScaleFrom::None));
         for (wrong, part) in [
             ("a:1,2 a:3,4", "no '='"),
-            ("a:1,2 = 1m", "1 points"),
+            ("a:1,2 = 1m", "1 point:"),
             ("a:1,2 a:3,4 a:5,6 = 1m", "3 points"),
             ("a:1,2 a:1,2 = 1m", "same"),
             ("a:1,2 a:3 = 1m", "VIEW:x,y"),

@@ -6,7 +6,7 @@ use super::progress::{Progress, StepFigures};
 use litetex_gs::Result;
 use litetex_gs::console::{Interrupt, Log};
 use litetex_gs::run::Recorder;
-use litetex_gs::text::{format_duration, shell_word};
+use litetex_gs::text::{counted, format_duration, shell_word};
 use litetex_gs::train::{Control, TrainEvent};
 use std::path::Path;
 
@@ -59,8 +59,10 @@ impl<'a> Session<'a> {
     fn show(&mut self, event: &TrainEvent<'_>) {
         match event {
             TrainEvent::Started { device, train_views, test_views, .. } => self.log.info(&format!(
-                "{train_views} views to train on, {test_views} held out, on {}: {}",
-                device.name, device.description
+                "{} to train on, {test_views} held out, on {}: {}",
+                counted(*train_views, "view"),
+                device.name,
+                device.description
             )),
             &TrainEvent::Step { step, loss, size, train_wall_secs, remaining_secs, .. } => self
                 .progress

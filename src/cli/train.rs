@@ -15,10 +15,10 @@ use litetex_gs::capture::Capture;
 use litetex_gs::console::{Interrupt, Log, Output, device};
 use litetex_gs::memory::machine_bytes;
 use litetex_gs::run::{Recorder, ResourceEstimate, Summary, Workload, fresh_state};
-use litetex_gs::text::shell_word;
+use litetex_gs::text::{counted, shell_word};
 use litetex_gs::train::{MOST_STEPS, Schedule, StopReason, Timing, TrainState, check_limits, train_by};
 use litetex_gs::views::{Split, ViewSource as _};
-use litetex_gs::{Error, Report, Result};
+use litetex_gs::{Error, Report, Result, input_file};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
@@ -101,6 +101,7 @@ pub struct FinishedRun {
 pub fn train_run(args: &TrainArgs, log: &Log) -> Result<FinishedRun> {
     let started = Instant::now();
     let mut job = TrainJob::plan(args)?;
+    input_file::check_exists(job.config.data()?)?;
     let mut capture = Capture::load(job.config.data()?, &job.config.capture)?;
     log.report(&capture.report);
     log.info(&capture.held_out());
@@ -136,7 +137,7 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<FinishedRun> {
     check_memory(&job, planned.train_secs, &capture, &state, &mut report, log)?;
     // Before the folder is made: a run that cannot be made leaves nothing behind.
     check_limits(&job.config.train, backend.as_ref(), &*capture, &state.model)?;
-    log.info(&format!("checking {} photos", capture.num_views()));
+    log.info(&format!("checking {}", counted(capture.num_views(), "photo")));
     let photos = capture.check_photos()?;
     log.report(&photos);
     report.merge(photos);

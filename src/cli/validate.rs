@@ -2,6 +2,7 @@
 
 use litetex_exporters::{Issue, Severity, validate_file};
 use litetex_gs::console::{Output, Table, path_text};
+use litetex_gs::text::counted;
 use litetex_gs::{Error, Result};
 use serde_json::json;
 use std::path::PathBuf;
@@ -32,9 +33,11 @@ pub fn run(args: &ValidateArgs) -> Result<Output> {
         table.row(&format!("{} {}", issue.code, name(issue.severity)), format!("{place}{}", issue.message));
     }
     let verdict = if errors == 0 { "valid" } else { "not valid" };
-    table.row(verdict, format!("{}: {errors} errors, {} issues in all", args.file.display(), issues.len()));
-    let failure =
-        (errors > 0).then(|| Error::CheckFailed(format!("{}: breaks {errors} rules", args.file.display())));
+    let [of_errors, of_issues] =
+        [(errors, "error"), (issues.len(), "issue")].map(|(n, noun)| counted(n, noun));
+    table.row(verdict, format!("{}: {of_errors}, {of_issues} in all", args.file.display()));
+    let failure = (errors > 0)
+        .then(|| Error::CheckFailed(format!("{}: breaks {}", args.file.display(), counted(errors, "rule"))));
     Ok(Output::new("litetex-validate/1", found, table).failing(failure))
 }
 

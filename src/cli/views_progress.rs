@@ -6,7 +6,7 @@ use super::progress::{BAR_INTERVAL, LINE_INTERVAL, bar};
 use indicatif::ProgressBar;
 use litetex_exporters::{Format, SplatAsset};
 use litetex_gs::console::Log;
-use litetex_gs::text::format_duration;
+use litetex_gs::text::{counted, format_duration};
 use litetex_gs::verify::{EXPORT_VIEWS, VIEWS_AROUND, sh_bits_views};
 use serde_json::json;
 use std::cell::Cell;
@@ -81,6 +81,10 @@ impl Drop for ViewsProgress<'_> {
         if let Some(bar) = self.bar.take() {
             bar.finish_and_clear();
         }
-        self.log.detail(&format!("{} views rendered, about {} expected", self.done.get(), self.views));
+        self.log.detail(&format!(
+            "{} rendered, about {} expected",
+            counted(self.done.get() as usize, "view"),
+            self.views
+        ));
     }
 }

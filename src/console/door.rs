@@ -5,13 +5,18 @@ use super::common_args::CommonArgs;
 use super::log::Log;
 use super::output::Output;
 use crate::{Error, Result};
+use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{CommandFactory, FromArgMatches};
+use std::ffi::OsString;
 use std::path::Path;
 use std::process::ExitCode;
 
 /// A program with commands.
 pub trait Program: CommandFactory + FromArgMatches {
+    /// Options that do not exist or are given values that do not, and what their users may look for.
+    const TIPS: &'static [(&'static str, &'static str)] = &[];
+
     /// The options that all its commands have.
     fn common(&self) -> &CommonArgs;
 
@@ -32,13 +37,13 @@ pub trait Program: CommandFactory + FromArgMatches {
 
 /// Parses the arguments, runs the command and returns the exit code of its error's family.
 pub fn enter<P: Program>() -> ExitCode {
-    let command = with_numbers_as_values(P::command());
-    let program = match command.try_get_matches().and_then(|matches| P::from_arg_matches(&matches)) {
+    let matches = P::command().try_get_matches_from(with_values_joined(std::env::args_os()));
+    let program = match matches.and_then(|matches| P::from_arg_matches(&matches)) {
         Ok(program) => program,
         // Help and version arrive here too; clap knows their stream.
         Err(e) => {
             let code = if e.use_stderr() { 2 } else { 0 };
-            let _ = without_useless_tip(e).print();
+            let _ = with_tip(without_useless_tip(e), P::TIPS).print();
             return ExitCode::from(code);
         }
     };
@@ -64,14 +69,40 @@ pub fn enter<P: Program>() -> ExitCode {
     }
 }
 
-/// The command line with options that take "-1" as a value, so that each option's parser rejects it with its own message.
-fn with_numbers_as_values(command: clap::Command) -> clap::Command {
-    command
-        .mut_args(|arg| match arg.get_action().takes_values() && !arg.is_positional() {
-            true => arg.allow_negative_numbers(true),
-            false => arg,
-        })
-        .mut_subcommands(with_numbers_as_values)
+/// The arguments with values like "-1" and "-5m" joined to the option before them, as "--time=-5m", so that the option's parser
+/// rejects them with its own message; alone they look like options.
+fn with_values_joined(arguments: impl Iterator<Item = OsString>) -> Vec<OsString> {
+    let is_option = |word: &[u8]| word.len() > 2 && word.starts_with(b"--") && !word.contains(&b'=');
+    let is_value = |word: &[u8]| matches!(word, [b'-', b'0'..=b'9' | b'.', ..]);
+    let mut joined: Vec<OsString> = Vec::new();
+    let mut are_files = false;
+    for argument in arguments {
+        // Behind "--" everything is a file.
+        are_files |= argument == "--";
+        match joined.last_mut().filter(|before| !are_files && is_option(before.as_encoded_bytes())) {
+            Some(option) if is_value(argument.as_encoded_bytes()) => {
+                option.push("=");
+                option.push(argument);
+            }
+            _ => joined.push(argument),
+        }
+    }
+    joined
+}
+
+/// Puts a tip of the program in place of clap's, which compares letters.
+fn with_tip(mut error: clap::Error, tips: &[(&str, &'static str)]) -> clap::Error {
+    let Some(ContextValue::String(argument)) = error.get(ContextKind::InvalidArg) else { return error };
+    let option = argument.split([' ', '=']).next();
+    let is_meant = matches!(error.kind(), ErrorKind::UnknownArgument | ErrorKind::InvalidValue);
+    if let Some((_, tip)) = tips.iter().find(|(name, _)| is_meant && option == Some(*name)) {
+        // The line of usage has clap's guess as well.
+        for guess in [ContextKind::SuggestedArg, ContextKind::SuggestedValue, ContextKind::Usage] {
+            error.remove(guess);
+        }
+        error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![StyledStr::from(*tip)]));
+    }
+    error
 }
 
 /// Drops the tip to pass an unknown option as a value (`-- --seed`), unless there is a file of that name to pass.
@@ -89,4 +120,23 @@ fn set_threads(threads: Option<u16>) -> Result<()> {
     let Some(threads) = threads else { return Ok(()) };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads));
     pool.build_global().map_err(|e| Error::Device(format!("--threads {threads}: {e}")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_are_joined_to_the_option_before_them() {
+        let joined = |line: &str| {
+            let words = with_values_joined(line.split(' ').map(OsString::from));
+            words.join(std::ffi::OsStr::new(" ")).into_string().unwrap()
+        };
+        assert_eq!(joined("train x --time -5m --seed -1"), "train x --time=-5m --seed=-1");
+        assert_eq!(joined("train x --need -.5dB -q"), "train x --need=-.5dB -q");
+        // Negative controls: other options, options that have a value, and files.
+        for line in ["x --time --seed 1", "x --seed 1 -5", "x --seed=1 -5", "x -5 -o -5", "x --force -- -5"] {
+            assert_eq!(joined(line), line);
+        }
+    }
 }

@@ -4,6 +4,7 @@ use super::output::Output;
 use crate::text::printable;
 use indicatif::ProgressBar;
 use serde_json::{Value, json};
+use std::collections::BTreeSet;
 use std::io::Write;
 use std::sync::{Mutex, PoisonError};
 
@@ -22,6 +23,8 @@ pub struct Log {
     quiet: bool,
     verbosity: u8,
     prints_json: bool,
+    /// Codes and messages of the warnings so far: two readings of one capture find the same.
+    warned: Mutex<BTreeSet<(String, String)>>,
     /// A progress bar that is hidden while a message is written.
     bar: Mutex<Option<ProgressBar>>,
 }
@@ -29,7 +32,8 @@ pub struct Log {
 impl Log {
     /// A log of messages in one form; `quiet` leaves errors and warnings.
     pub fn new(format: LogFormat, quiet: bool, verbosity: u8) -> Self {
-        Self { format, quiet, verbosity, prints_json: false, bar: Mutex::new(None) }
+        let warned = Mutex::new(BTreeSet::new());
+        Self { format, quiet, verbosity, prints_json: false, warned, bar: Mutex::new(None) }
     }
 
     /// The same, whose reports are JSON.
@@ -72,10 +76,19 @@ impl Log {
         self.write("error", &text, json!({ "code": kind, "message": message }));
     }
 
-    /// Writes a problem that does not end the command.
+    /// Writes a problem that does not end the command, if it is not known already.
     pub fn warn(&self, code: &str, message: &str, count: usize) {
+        if !self.is_new(code, message) {
+            return;
+        }
         let text = format!("warning[{code}]: {message}");
         self.write("warning", &text, json!({ "code": code, "message": message, "count": count }));
+    }
+
+    /// Whether a warning has not been written yet; from now on it counts as written.
+    fn is_new(&self, code: &str, message: &str) -> bool {
+        let mut warned = self.warned.lock().unwrap_or_else(PoisonError::into_inner);
+        warned.insert((code.to_owned(), message.to_owned()))
     }
 
     /// Writes all warnings of a report.
@@ -148,6 +161,13 @@ pub fn write_line(line: &str) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_warning_is_written_once() {
+        let log = Log::new(LogFormat::Text, true, 0);
+        let warnings = [("a", "x"), ("a", "x"), ("a", "y"), ("b", "x"), ("a", "y")];
+        assert_eq!(warnings.map(|(code, what)| log.is_new(code, what)), [true, false, true, true, false]);
+    }
 
     #[test]
     fn lines_of_other_processes_name_their_run() {

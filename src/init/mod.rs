@@ -19,6 +19,7 @@ pub use input::{InitInput, InitOptions, InitPoints};
 
 use crate::constants::SH_DEGREE_MAX;
 use crate::model::Model;
+use crate::text::counted;
 use crate::{Error, Report, Result};
 use points::{LocalPoint, along_a_curve, local_points, random_points, thinned, usable};
 use random::{Purpose, Stream, local_from_cameras, rotation};
@@ -102,8 +103,8 @@ fn first_points(
         }
         if !found.is_empty() {
             let message = format!(
-                "{} points found by comparing photos, besides {} of the capture",
-                found.len(),
+                "{} found by comparing photos, besides {} of the capture",
+                counted(found.len(), "point"),
                 points.len()
             );
             report.warn("few-points", found.len(), message);

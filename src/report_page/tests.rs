@@ -81,6 +81,9 @@ fn figures_are_said_in_words_and_pictures() {
         !report.contains("Training</h2>") && !report.contains("Verdict"),
         "nothing is said of what is unknown"
     );
+    let mut lost = figures("a.jpg");
+    lost.files[0].untextured = true;
+    assert!(page(&lost).contains("<td>55.0 dB</td><td>textures</td><td>22.00 \u{2192} 21.99 dB</td>"));
     let mut training = figures("a.jpg");
     training.views.as_mut().unwrap().are_training = true;
     assert!(page(&training).contains("The capture has no test views"));

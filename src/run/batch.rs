@@ -45,13 +45,23 @@ pub fn share<T>(list: Vec<T>, part: usize, parts: usize) -> Vec<T> {
     list.into_iter().skip(part - 1).step_by(parts).collect()
 }
 
-/// Name of a capture: of its folder, or of its file without the extension.
+/// Name of a capture: of its folder, or of its archive without the extension. A file of poses and a sparse model (`fox/sparse/0`)
+/// have the name of the folder around them.
 fn name_of(capture: &Path) -> String {
     let resolved = capture.canonicalize().unwrap_or_else(|_| capture.to_owned());
     // A link names the capture, not what it points to; `.` and `..` name nothing.
-    let path = if capture.file_name().is_some() { capture } else { &resolved };
-    let is_archive = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("zip"));
-    let name = if is_archive || resolved.is_file() { path.file_stem() } else { path.file_name() };
+    let named = if capture.file_name().is_some() { capture } else { &resolved };
+    let path = std::path::absolute(named).unwrap_or_else(|_| named.to_owned());
+    let is_archive =
+        path.extension().is_some_and(|e| ["zip", "r3d"].iter().any(|kind| e.eq_ignore_ascii_case(kind)));
+    if let Some(folder) = path.parent().filter(|_| !is_archive && resolved.is_file()) {
+        return name_of(folder);
+    }
+    let sparse = path.ancestors().take(2).find(|folder| folder.ends_with("sparse"));
+    if let Some(folder) = sparse.and_then(Path::parent) {
+        return name_of(folder);
+    }
+    let name = if is_archive { path.file_stem() } else { path.file_name() };
     name.map_or_else(|| "capture".to_owned(), |name| name.to_string_lossy().into_owned())
 }
 
@@ -143,6 +153,34 @@ mod tests {
         ];
         assert_eq!(names, expected);
         assert_eq!((runs[3].folder.clone(), runs[3].index), (PathBuf::from("runs/fox-4"), 3));
+    }
+
+    #[test]
+    fn files_of_poses_name_the_folder_of_their_capture() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = |name: &str| {
+            let path = dir.path().join(name);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(&path, "").unwrap();
+            path
+        };
+        let mut captures = [
+            "fox/transforms.json",
+            "toy/transforms.json",
+            "fox/cams.xml",
+            "elf/sparse/0/images.bin",
+            "bear.r3d",
+            "toy/in/../cams.csv",
+        ]
+        .map(file)
+        .to_vec();
+        captures.push(dir.path().join("elf/sparse/0"));
+        // Negative control: a folder has its own name, whatever it looks like.
+        captures.push(dir.path().join("cams.json"));
+        std::fs::create_dir_all(captures.last().unwrap()).unwrap();
+        let names: Vec<String> =
+            batch_runs(&captures, Path::new("runs")).into_iter().map(|run| run.name).collect();
+        assert_eq!(names, ["fox", "toy", "fox-2", "elf", "bear", "toy-2", "elf-2", "cams.json"]);
     }
 
     #[test]

@@ -5,6 +5,7 @@ use super::init_source::InitSource;
 use crate::capture::Capture;
 use crate::init::{InitInput, InitOptions, InitialModel, initial_model};
 use crate::model::{ModelSize, splat_params};
+use crate::text::counted;
 use crate::train::density::Budget;
 use crate::train::{Backdrop, Schedule, TrainConfig, TrainState};
 use crate::views::{Split, ViewSource as _};
@@ -104,7 +105,7 @@ fn bounded_start(config: &TrainConfig, budget: &Budget, num_splats: usize) -> Op
             format!("{params_each} parameters"),
         )
     };
-    let splats = if num_splats == 1 { "1 splat".to_owned() } else { format!("{num_splats} splats") };
+    let splats = counted(num_splats, "splat");
     Some(format!(
         "{flag} leaves room for {splats} at the start, since each begins with {each} (policy {}); raise it to start \
          with more",

@@ -85,9 +85,10 @@ impl RunFolder {
         let refuse = |what: &str| Err(usage!("{}: {what}", root.display()));
         match (is_run(root), force) {
             (true, true) => Ok(()),
-            (true, false) => {
-                refuse("the folder already holds a run; --force replaces it, --resume continues it")
-            }
+            // For a run of many as well, which --resume does not continue.
+            (true, false) => refuse(
+                "the folder already holds a run; --resume-or-start continues it if it is unfinished, --force replaces it",
+            ),
             (false, true) => refuse(
                 "the folder is not empty and holds no run; --force replaces only runs, choose another folder",
             ),
@@ -285,9 +286,7 @@ pub fn find_checkpoint(path: &Path) -> Result<PathBuf> {
     if path.is_file() {
         return Err(unknown_kind(path, RUN_OR_CHECKPOINT).into());
     }
-    if !path.exists() {
-        return Err(Error::io(path, std::io::ErrorKind::NotFound.into()));
-    }
+    input_file::check_exists(path)?;
     checkpoints(path)?.pop().map(|(_, file)| file).ok_or_else(|| Error::invalid(path, no_checkpoint(path)))
 }
 

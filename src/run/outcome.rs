@@ -64,7 +64,7 @@ impl Recorder<'_> {
         let config = self.config;
         let train = &config.train;
         let mut schedule = Schedule::new(train, capture.indices(Split::Train).len());
-        schedule = self.plan.iter().fold(schedule, |now, &change| now.changed(change));
+        schedule = self.train.plan.iter().fold(schedule, |now, &change| now.changed(change));
         let fps = match reason {
             StopReason::Consumer => None,
             _ => measure_fps(backend, capture, state, train.background)?,
@@ -84,7 +84,7 @@ impl Recorder<'_> {
             device: backend.device(),
             seed: train.seed,
             steps: state.step,
-            steps_planned: self.last_step(),
+            steps_planned: self.train.last_step(),
             profile: config.profile,
             policy: train.policy,
             components: train.active_components(),

@@ -10,7 +10,7 @@ use crate::backend::{RenderedImage, StepReport};
 use crate::eval::Evaluation;
 use crate::text::counted;
 use crate::train::checkpoint;
-use crate::train::{LengthChange, Remaining, StopReason, TrainEvent, TrainHistory, TrainState};
+use crate::train::{Remaining, StopReason, TrainConfig, TrainEvent, TrainHistory, TrainState};
 use crate::verify::{CAMERAS_KEY, CaptureIdentity, IDENTITY_KEY, cameras_json, store_metric, store_up};
 use crate::views::ViewSource;
 use crate::{Error, Report, Result, Warning, atomic_file, input_file};
@@ -40,8 +40,8 @@ pub struct Recorder<'a> {
     metrics: File,
     /// The strings of every checkpoint.
     strings: BTreeMap<String, String>,
-    /// Changes of the run's length so far.
-    pub(super) plan: Vec<LengthChange>,
+    /// Settings of the training, with the changes of its length so far.
+    pub(super) train: TrainConfig,
     pub(super) total_wall_secs: Box<dyn Fn() -> f64 + 'a>,
     /// The evaluation in progress.
     staged: Option<StagedFolder>,
@@ -86,7 +86,7 @@ impl<'a> Recorder<'a> {
             config,
             metrics,
             strings: BTreeMap::from([("config".to_owned(), checkpoint_settings(config)?)]),
-            plan: config.train.plan.clone(),
+            train: config.train.clone(),
             total_wall_secs: Box::new(total_wall_secs),
             staged: None,
             last_with_images: None,
@@ -160,9 +160,8 @@ impl<'a> Recorder<'a> {
 
     /// Writes a decision on the length of the run into its settings, so that it can be repeated without a clock.
     fn planned(&mut self, step: u32, last_step: u32, remaining: &Remaining) -> Result<()> {
-        self.plan.push([step, last_step]);
-        let mut config = self.config.clone();
-        config.train.plan.clone_from(&self.plan);
+        self.train.plan.push([step, last_step]);
+        let config = RunConfig { train: self.train.clone(), ..self.config.clone() };
         let toml = config.to_toml()?;
         atomic_file::write(&self.folder.config(), toml.as_bytes())?;
         self.strings.insert("config".to_owned(), checkpoint_settings(&config)?);
@@ -174,11 +173,6 @@ impl<'a> Recorder<'a> {
         )
     }
 
-    /// Last step of the run, as far as it is decided.
-    pub(super) fn last_step(&self) -> u32 {
-        self.plan.last().map_or(self.config.train.steps, |change| change[1])
-    }
-
     fn step(&mut self, event: &TrainEvent<'_>) -> Result<()> {
         let &TrainEvent::Step { step, view, loss, report, size, train_wall_secs, train_cpu_secs, .. } = event
         else {
@@ -186,7 +180,7 @@ impl<'a> Recorder<'a> {
         };
         self.losses.record(view, loss.l1 + loss.dssim);
         self.non_finite_gradients += report.non_finite_gradients;
-        if step == 1 || step.is_multiple_of(METRICS_EVERY) || step == self.last_step() {
+        if step == 1 || step.is_multiple_of(METRICS_EVERY) || step == self.train.last_step() {
             self.metric(json!({ "event": "step", "step": step, "view": self.views.name(view),
                 "loss": loss, "splats": size.splats, "texels": size.texels, "params": size.params,
                 "train_wall_secs": train_wall_secs, "train_cpu_secs": train_cpu_secs,

@@ -41,7 +41,7 @@ pub struct Summary {
     pub seed: u64,
     /// Steps done.
     pub steps: u32,
-    /// Steps of the schedule.
+    /// Steps of the whole run, as last planned.
     pub steps_planned: u32,
     /// Profile that the settings started from.
     pub profile: Profile,

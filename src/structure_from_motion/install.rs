@@ -51,9 +51,9 @@ impl Program {
     pub const fn purpose(self) -> &'static str {
         match self {
             Self::Ffmpeg => "ffmpeg, which reads videos",
-            Self::HeifConvert => "heif-convert or ImageMagick, which decode HEIC and AVIF",
-            Self::ImageMagick => "ImageMagick, which turns and converts photos in commands by hand,",
-            Self::Pycolmap => "pycolmap 4 or COLMAP 3.8, either of which finds the poses",
+            Self::HeifConvert => "heif-convert or ImageMagick, which decodes HEIC and AVIF",
+            Self::ImageMagick => "ImageMagick, which turns and converts photos in commands by hand",
+            Self::Pycolmap => "pycolmap 4 or COLMAP 3.8, which finds the poses",
         }
     }
 
@@ -113,7 +113,7 @@ pub const fn magick_name(system: System) -> &'static str {
 pub fn advice(missing: &[Program], system: System) -> String {
     let mut text = String::new();
     for program in missing {
-        text.push_str(&format!("{} is missing. Install it:\n", program.purpose()));
+        text.push_str(&format!("{}, is missing. Install it:\n", program.purpose()));
         text.extend(program.commands(system).iter().map(|command| format!("  {command}\n")));
     }
     text
@@ -142,9 +142,13 @@ mod tests {
         }
         let all = [Program::Ffmpeg, Program::HeifConvert, Program::ImageMagick, Program::Pycolmap];
         let debian = advice(&all, System::Debian);
-        for words in
-            ["sudo apt install ffmpeg", "libheif-examples", "install imagemagick", "pip install pycolmap"]
-        {
+        for words in [
+            "sudo apt install ffmpeg",
+            "libheif-examples",
+            "install imagemagick",
+            "pip install pycolmap",
+            "\npycolmap 4 or COLMAP 3.8, which finds the poses, is missing. Install it:\n",
+        ] {
             assert!(debian.contains(words), "{debian}");
         }
         assert!(advice(&all[..1], System::Mac).contains("brew") && advice(&[], System::Mac).is_empty());

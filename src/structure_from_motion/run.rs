@@ -127,9 +127,9 @@ impl Plan {
         if missing.is_empty() {
             return Ok(());
         }
-        let unfit = self.tools.unfit.iter().map(|found| format!("found {found}\n")).collect::<String>();
+        let unfit = self.tools.unfit.iter().map(|line| format!("{line}\n")).collect::<String>();
         Err(Error::Device(format!(
-            "{}{unfit}Then run the same command again, or these instead (--print shows them in full):\n{}",
+            "{unfit}{}Then run the same command again, or these instead (--print shows them in full):\n{}",
             advice(&missing, System::current()),
             self.by_hand().lines().take(12).collect::<Vec<_>>().join("\n"),
         )))

@@ -24,7 +24,7 @@ pub struct Tools {
     /// ImageMagick.
     magick: Option<PathBuf>,
     pub engine: Option<Engine>,
-    /// What was found but does not serve, for messages.
+    /// Programs that were named or found and do not serve, each in a line.
     pub unfit: Vec<String>,
 }
 
@@ -77,12 +77,13 @@ impl Tools {
                     }
                     Some((major, minor)) => {
                         self.unfit.push(format!(
-                            "pycolmap {major}.{minor} of {}, expected 4 or later",
+                            "found pycolmap {major}.{minor} of {}, expected 4 or later",
                             python.display()
                         ));
                     }
                     None if named.is_some() => {
-                        self.unfit.push(format!("{}, which cannot import pycolmap", python.display()));
+                        let option = if settings.python.is_some() { "--python" } else { PYTHON_VARIABLE };
+                        self.unfit.push(wrong(Some(option), &python, "cannot import pycolmap"));
                     }
                     None => {}
                 }
@@ -103,10 +104,15 @@ impl Tools {
                 self.engine = Some(Engine::Colmap { program, version, has_gpu });
             }
             Some((major, minor)) => {
-                self.unfit
-                    .push(format!("COLMAP {major}.{minor} at {}, expected 3.8 or later", program.display()));
+                self.unfit.push(format!(
+                    "found COLMAP {major}.{minor} at {}, expected 3.8 or later",
+                    program.display()
+                ));
             }
-            None => self.unfit.push(format!("{}, which does not answer as COLMAP does", program.display())),
+            None => {
+                let option = settings.colmap.as_ref().map(|_| "--colmap");
+                self.unfit.push(wrong(option, &program, "does not answer as COLMAP does"));
+            }
         }
     }
 
@@ -146,6 +152,15 @@ impl Tools {
             Some(Heif::Convert(program)) => Command::new(program).arg(file).arg(to),
             None => Command::new("heif-convert").arg(file).arg(to),
         }
+    }
+}
+
+/// Says what is wrong with a program; `option` is what named it, if anything did.
+fn wrong(option: Option<&str>, program: &Path, what: &str) -> String {
+    let what = if program.exists() { what } else { "no such program" };
+    match option {
+        Some(option) => format!("{option} {}: {what}; name another, or leave it out", program.display()),
+        None => format!("{}: {what}", program.display()),
     }
 }
 

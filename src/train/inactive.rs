@@ -3,6 +3,7 @@
 use super::config::TrainConfig;
 use super::density::{Components, MapRule, Policy};
 use super::schedule::Schedule;
+use crate::text::counted;
 use serde_json::Value;
 
 /// Settings that differ from those of `unchanged`, the run's profile, but cannot act in this run, and parts of the method for
@@ -110,7 +111,8 @@ fn too_short(schedule: &Schedule, config: &TrainConfig) -> Vec<String> {
     }
     let checks = checks_until(density_end);
     if parts.pruning && checks < u32::from(schedule.patience) {
-        out.push(format!("pruning: only {checks} checks, fewer than the patience of {}", schedule.patience));
+        let checks = counted(checks as usize, "check");
+        out.push(format!("pruning: only {checks}, fewer than the patience of {}", schedule.patience));
     }
     if config.prunes_after_growth() && schedule.prune_rounds == 0 {
         out.push(format!(
