@@ -3,7 +3,7 @@
 use super::fixtures::{Scene, write_json};
 use super::strangers_tests::{csv, has_warning, load, text_model, transforms, warning};
 use super::*;
-use crate::views::Split;
+use crate::views::{Split, ViewSource as _};
 use std::path::Path;
 
 fn write_points(path: &Path, count: usize) {

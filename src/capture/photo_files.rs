@@ -7,7 +7,7 @@ use super::options::LoadOptions;
 use super::paths::{is_inside, is_there};
 use super::photo_folder::{Match, PhotoFolder};
 use super::photos_apart;
-use super::source::{Source, UnusedView, Why, first_names, first_paths};
+use super::source::{Source, SourceView, UnusedView, Why, first_names, first_paths};
 use crate::text::{self, quoted, shell_word};
 use crate::{Report, Result};
 use std::collections::{BTreeSet, HashSet};
@@ -92,8 +92,10 @@ pub(super) fn find_photos(
     settle(source, report);
     let unused = source.names_unused(Why::NoPhoto);
     let total = source.views.len() + unused.len();
-    // Stored paths may begin above the folder of the photos.
-    let folders = [folder, &capture.photos("")];
+    // Stored paths may begin above the folder of the photos, and readers may have looked into the folders inside.
+    let is_deeper = |view: &SourceView| view.photo_path().parent() != Some(&*capture.root);
+    let is_deep = *folder.path() == *capture.root && source.views.iter().any(is_deeper);
+    let folders = [folder, &PhotoFolder { is_deep, ..capture.photos("") }];
     let several =
         |name: &str| folders.map(|f| f.several(name)).into_iter().find(|fitting| !fitting.is_empty());
     let (unclear, missing): (Vec<&str>, Vec<&str>) =

@@ -76,7 +76,10 @@ pub(super) fn of(capture: &Capture) -> Figures {
         let mut found = looks.iter().filter_map(|look| look.as_ref().err());
         found.find(|unreadable| unreadable.is_mask == is_mask).map(|unreadable| unreadable.why.clone())
     };
-    let (unreadable, unreadable_mask) = (unreadable(false), unreadable(true));
+    // Of a damaged photo that is not among those decoded, loading the capture warned.
+    let mut warnings = capture.report.warnings.iter();
+    let warned = || warnings.find(|warning| warning.code == "photos-unreadable").map(|w| w.message.clone());
+    let (unreadable, unreadable_mask) = (unreadable(false).or_else(warned), unreadable(true));
     let mut looks: Vec<Look> = looks.into_iter().map(Result::unwrap_or_default).collect();
     let sharpness: Vec<_> = looks.iter().map(|look| look.sharpness).collect();
     let detail: Vec<_> = looks.iter_mut().map(|look| std::mem::take(&mut look.detail)).collect();
