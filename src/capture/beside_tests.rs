@@ -299,6 +299,14 @@ fn photos_of_one_name_in_several_folders_are_named() {
     let error = load(folder.path()).err().unwrap().to_string();
     let words = "several photos fit each of 12 of 12 views (\"p01.png\" may be";
     assert!(error.contains(words) && error.ends_with("--images images/A (or images/B)"), "{error}");
+    // A folder that has every other photo is none to name.
+    let halves = text_model(&Scene::ring(12));
+    let inside = halves.path().join("images");
+    move_photos(&inside, "A", |index| index % 2 == 0);
+    move_photos(&inside, "B", |index| index % 2 == 1);
+    Scene::ring(12).write_photos(&inside.join("RAW"), (12, 8));
+    let error = load(halves.path()).err().unwrap().to_string();
+    assert!(error.ends_with("--images images/RAW"), "{error}");
     // The extension tells them apart where it can.
     for index in 1..=12 {
         let name = format!("p{index:02}");

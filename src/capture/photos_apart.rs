@@ -8,13 +8,17 @@ use std::cmp::Reverse;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// Views whose photos are looked for, evenly spaced: those of a few are proof enough.
-const NUM_ASKED: usize = 8;
+/// Views whose photos are looked for: those of a few are proof enough.
+const NUM_ASKED: usize = 50;
+
+/// Steps between these, modulo their number: even ones may fall on the photos of one camera of several.
+const STEP: usize = 7919;
 
 /// The folder inside that holds most photos of these names, and more than half of those asked for, with the others if there
 /// are several; a blank before it, nothing if there is none.
 pub(super) fn hint(folder: &CaptureFolder, names: &[&str]) -> String {
-    let asked: Vec<&str> = names.iter().copied().step_by(names.len().div_ceil(NUM_ASKED).max(1)).collect();
+    let asked = (0..names.len().min(NUM_ASKED)).map(|index| names[index * STEP % names.len()]);
+    let asked: Vec<&str> = asked.collect();
     let inside = |found: &Path| found.strip_prefix(&folder.root).unwrap_or(found).to_owned();
     let fit = |found: &Path| {
         let photos = folder.photos(&inside(found).to_string_lossy());
