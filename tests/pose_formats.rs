@@ -444,7 +444,9 @@ fn poses_without_photos_say_where_these_are_expected() {
         let folder = tempdir().unwrap();
         let form = FORMS.iter().find(|form| form.name == name).unwrap();
         (form.write)(folder.path(), &photos, false);
-        let elsewhere = folder.path().join("elsewhere/my photos");
+        // In the capture, which is a folder inside where a scene has several.
+        let root = if name == "scannetpp" { "iphone" } else { "" };
+        let elsewhere = folder.path().join(root).join("elsewhere/my photos");
         std::fs::create_dir_all(&elsewhere).unwrap();
         for photo in std::fs::read_dir(folder.path().join(inside)).unwrap() {
             let photo = photo.unwrap().path();
