@@ -2,7 +2,7 @@
 //! unsupported input or a failing device. Each has an exit code.
 
 use crate::text;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// An [`Error::InvalidInput`] with a message as of [`format!`]: `invalid!(path, "{found}, expected {expected}")`.
 #[macro_export]
@@ -94,6 +94,16 @@ impl Error {
         "device",
         "interrupted",
     ];
+
+    /// The file or folder that it names, if any.
+    pub fn path(&self) -> Option<&Path> {
+        match self {
+            Self::InvalidInput { path, .. } | Self::Unsupported { path, .. } | Self::Io { path, .. } => {
+                Some(path)
+            }
+            _ => None,
+        }
+    }
 
     /// Name of the family.
     pub fn kind(&self) -> &'static str {

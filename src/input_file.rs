@@ -14,13 +14,20 @@ pub fn read(path: &Path, bytes_max: u64) -> Result<Vec<u8>> {
     litetex_exporters::read_file(path, bytes_max).map_err(our_error)
 }
 
-/// The text of a file, which must be UTF-8; a byte order mark is left out.
+/// The text of a file, which must be UTF-8, or UTF-16 with a byte order mark; the mark is left out.
 ///
 /// # Errors
 /// As [`read`]; [`Error::InvalidInput`] also for bytes that are no text.
 pub fn read_text(path: &Path, bytes_max: u64) -> Result<String> {
-    let mut text = String::from_utf8(read(path, bytes_max)?)
-        .map_err(|e| invalid!(path, "not UTF-8 text: {}", e.utf8_error()))?;
+    let bytes = read(path, bytes_max)?;
+    if let Some(units) = utf16(&bytes) {
+        let is_whole = bytes.len().is_multiple_of(2);
+        let text = String::from_utf16(&units).ok().filter(|_| is_whole);
+        return text
+            .ok_or_else(|| invalid!(path, "not UTF-16 text, as its byte order mark says; save it as UTF-8"));
+    }
+    let mut text =
+        String::from_utf8(bytes).map_err(|e| invalid!(path, "not UTF-8 text: {}", e.utf8_error()))?;
     if text.starts_with('\u{feff}') {
         text.drain(..'\u{feff}'.len_utf8());
     }
@@ -33,6 +40,24 @@ pub fn read_text(path: &Path, bytes_max: u64) -> Result<String> {
 /// [`Error::Io`], which counts as missing.
 pub fn check_exists(path: &Path) -> Result<()> {
     if path.exists() { Ok(()) } else { Err(Error::io(path, ErrorKind::NotFound.into())) }
+}
+
+/// The text at the beginning of a file, of which these are the first bytes; what is no text is replaced.
+pub fn text_of_head(bytes: &[u8]) -> String {
+    match utf16(bytes) {
+        Some(units) => String::from_utf16_lossy(&units),
+        None => String::from_utf8_lossy(bytes).trim_start_matches('\u{feff}').to_owned(),
+    }
+}
+
+/// The units after the byte order mark of UTF-16; `None` without it.
+fn utf16(bytes: &[u8]) -> Option<Vec<u16>> {
+    let (unit, rest): (fn([u8; 2]) -> u16, _) = match bytes {
+        [0xff, 0xfe, rest @ ..] => (u16::from_le_bytes, rest),
+        [0xfe, 0xff, rest @ ..] => (u16::from_be_bytes, rest),
+        _ => return None,
+    };
+    Some(rest.chunks_exact(2).map(|pair| unit([pair[0], pair[1]])).collect())
 }
 
 /// Checks that a file may be opened by a reader that takes a path: a regular file of at most `bytes_max`.
@@ -71,6 +96,24 @@ mod tests {
         assert_eq!(read_text(&path, 100).unwrap(), "a\n");
         std::fs::write(&path, b"a\xff").unwrap();
         assert!(read_text(&path, 100).unwrap_err().to_string().contains("not UTF-8"));
+    }
+
+    #[test]
+    fn utf16_with_a_byte_order_mark_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("list.txt");
+        let units: Vec<u16> = "\u{feff}\u{e4}\u{1f600}\n".encode_utf16().collect();
+        for to_bytes in [u16::to_le_bytes, u16::to_be_bytes] {
+            let bytes: Vec<u8> = units.iter().copied().flat_map(to_bytes).collect();
+            std::fs::write(&path, &bytes).unwrap();
+            assert_eq!(read_text(&path, 100).unwrap(), "\u{e4}\u{1f600}\n");
+            assert_eq!(text_of_head(&bytes[..5]), "\u{e4}");
+            // Negative controls: half a unit at the end, half a pair.
+            for cut in [bytes.len() - 1, 6] {
+                std::fs::write(&path, &bytes[..cut]).unwrap();
+                assert!(read_text(&path, 100).unwrap_err().to_string().contains("not UTF-16"));
+            }
+        }
     }
 
     #[test]

@@ -206,9 +206,12 @@ fn files_outside_the_capture_warn_in_folders_and_fail_in_archives() {
 #[test]
 fn folders_that_the_user_names_may_lie_outside_an_archive() {
     let scene = Scene::ring(3);
-    let elsewhere = tempdir().unwrap();
-    scene.write_photos(elsewhere.path(), (12, 8));
-    let (photos, masks) = (Some(elsewhere.path().to_owned()), elsewhere.path().to_owned());
+    let (elsewhere, apart) = (tempdir().unwrap(), tempdir().unwrap());
+    // Photos of the same names serve as masks; a photo is no mask of its own.
+    for place in [&elsewhere, &apart] {
+        scene.write_photos(place.path(), (12, 8));
+    }
+    let (photos, masks) = (Some(elsewhere.path().to_owned()), apart.path().to_owned());
     let named = LoadOptions { images: photos, masks: Some(masks), ..LoadOptions::default() };
     for folder in [written(&scene), transforms(&scene, |_| {})] {
         let (_kept, archive) = archived(&folder);

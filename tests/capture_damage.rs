@@ -201,15 +201,24 @@ fn photos_with_another_aspect_ratio_name_both_sizes() {
 }
 
 #[test]
-fn unreadable_photos_are_named_on_request_or_earlier() {
+fn unreadable_photos_are_named_and_refused_when_they_are_decoded() {
     let folder = ring(3);
     let path = folder.path().join("images/p02.png");
     let whole = std::fs::read(&path).unwrap();
-    std::fs::write(&path, b"no photo").unwrap();
-    assert!(message(folder.path()).contains("p02.png"));
+    for bytes in [&b"no photo"[..], b""] {
+        std::fs::write(&path, bytes).unwrap();
+        let capture = load(folder.path()).unwrap();
+        let warning = capture.report.warnings.iter().find(|w| w.code == "photos-unreadable").unwrap();
+        assert!(warning.count == 1 && warning.message.contains("1 of 3 photos cannot be read"));
+        assert!(warning.message.contains("p02.png") && capture.target(0).is_ok(), "{}", warning.message);
+        assert!(capture.check_photos().unwrap_err().to_string().contains("p02.png"));
+        let reason = &capture.verdict().reasons[0];
+        assert!(reason.code == "unreadable-photos" && reason.found.contains("p02.png"), "{reason:?}");
+    }
     // The header is whole, the pixels are not: seen when decoded.
     std::fs::write(&path, &whole[..whole.len() / 2 + 10]).unwrap();
     let capture = load(folder.path()).unwrap();
+    assert!(capture.report.warnings.iter().all(|w| w.code != "photos-unreadable"), "negative control");
     let text = capture.target(1).unwrap_err().to_string();
     assert!(text.contains("p02.png") && text.contains("unreadable image"), "{text}");
     assert!(capture.target(0).is_ok());

@@ -268,6 +268,12 @@ fn files_of_an_unknown_kind_get_one_sentence_and_one_exit_code() {
         let says = |what: &str| stderr.contains(what);
         let is_told = says("a.txt: a \".txt\" file cannot be used here; expected ") && says(expected);
         assert!(code == 4 && is_told, "{arguments:?}: {code} {stderr}");
+        assert!(!says("SuperSplat"), "negative control: {stderr}");
+    }
+    std::fs::write(dir.path().join("a.SPLAT"), [0; 32]).unwrap();
+    for arguments in [["export", "a.SPLAT", "-o", "b.glb"].as_slice(), &["inspect", "a.SPLAT"]] {
+        let (code, _, stderr) = litetex_in(dir.path(), arguments);
+        assert!(code == 4 && stderr.contains("; open it in SuperSplat and export it as PLY"), "{stderr}");
     }
 }
 

@@ -444,12 +444,21 @@ fn poses_without_photos_say_where_these_are_expected() {
         let folder = tempdir().unwrap();
         let form = FORMS.iter().find(|form| form.name == name).unwrap();
         (form.write)(folder.path(), &photos, false);
+        // In the capture, which is a folder inside where a scene has several.
+        let root = if name == "scannetpp" { "iphone" } else { "" };
+        let elsewhere = folder.path().join(root).join("elsewhere/my photos");
+        std::fs::create_dir_all(&elsewhere).unwrap();
         for photo in std::fs::read_dir(folder.path().join(inside)).unwrap() {
             let photo = photo.unwrap().path();
             if photo.extension().is_some_and(|e| e == "png") {
-                std::fs::remove_file(photo).unwrap();
+                std::fs::rename(&photo, elsewhere.join(photo.file_name().unwrap())).unwrap();
             }
         }
+        let text = load(folder.path()).err().unwrap().to_string();
+        assert!(text.ends_with("elsewhere/my photos'"), "{name}: {text}");
+        let options = LoadOptions { images: Some(elsewhere.clone()), ..LoadOptions::default() };
+        assert_eq!(Capture::load(folder.path(), &options).unwrap().views.len(), 12, "{name}");
+        std::fs::remove_dir_all(&elsewhere).unwrap();
         let error = load(folder.path()).err().unwrap();
         let text = error.to_string();
         assert!(error.exit_code() == 3 && parts.iter().all(|part| text.contains(part)), "{name}: {text}");

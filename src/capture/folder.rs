@@ -36,11 +36,12 @@ impl CaptureFolder {
 
     /// A folder inside.
     pub fn photos(&self, inside: &str) -> PhotoFolder {
-        self.photo_folder(self.root.join(inside))
+        PhotoFolder { is_deep: !inside.is_empty(), ..self.photo_folder(self.root.join(inside)) }
     }
 
     fn photo_folder(&self, path: PathBuf) -> PhotoFolder {
-        PhotoFolder { path, confined_to: self.confined_to.clone(), listings: self.listings.clone() }
+        let (confined_to, listings) = (self.confined_to.clone(), self.listings.clone());
+        PhotoFolder { path, confined_to, is_deep: true, listings }
     }
 
     /// A folder given by the user: absolute, relative to the capture or to the working directory. The names of an
@@ -54,8 +55,7 @@ impl CaptureFolder {
         }
         if folder.is_dir() {
             let confined_to = self.confined_to.as_ref().map(|_| folder.to_owned());
-            let listings = self.listings.clone();
-            return Ok(PhotoFolder { path: folder.to_owned(), confined_to, listings });
+            return Ok(PhotoFolder { confined_to, ..self.photo_folder(folder.to_owned()) });
         }
         let shown = if folder.exists() { folder.to_owned() } else { joined };
         let what = not_a_folder(&shown);
@@ -106,6 +106,9 @@ mod tests {
         assert!(turned.unwrap_err().to_string().contains("\"../../a.png\""));
         let archive = CaptureFolder::new(&root, None, true).unwrap();
         assert!(archive.file("images/../b.ply").is_ok());
-        assert!(archive.file("/dev/zero").is_err() && archive.photos("").find_mask("/etc/hosts").is_err());
+        assert!(
+            archive.file("/dev/zero").is_err()
+                && archive.photos("").find_mask("/etc/hosts", &|_| false).is_err()
+        );
     }
 }

@@ -102,7 +102,7 @@ fn load_folder(path: &Path, options: &LoadOptions, archive: Option<&Unpacked>) -
     let health = has_observations
         .then(|| health::check(&source, capture_from_local.scale, on_disk.present, &mut report));
     photo_files::find_photos(&folder, &mut source, &photos, &mut report)?;
-    let masks = photo_files::find_masks(&folder, &mut source, options, &mut report)?;
+    let masks = photo_files::find_masks(&folder, &mut source, &photos, options, &mut report)?;
     photo_files::warn_of_files_outside(&folder.root, &source, &[Some(photos), masks], &mut report);
     let (splits, split_by) = split::assign(&source, options, &mut report)?;
     if !splits.contains(&Split::Train) {
@@ -219,6 +219,7 @@ fn find_poses(
     {
         return Err(problem);
     }
+    let is_elsewhere = elsewhere.is_some();
     Err(if path.is_file() {
         let expected = format!("a capture: a folder with {files}, a ZIP archive of it, or a transforms.json");
         match elsewhere.filter(|_| advice::for_path(path).is_some()).or_else(|| advice::for_path(path)) {
@@ -233,8 +234,13 @@ fn find_poses(
                 .map(str::to_owned),
             false => elsewhere.or_else(|| advice::for_path(path)),
         };
-        let advice = advice.map(|a| format!(": {a}")).unwrap_or_default();
-        invalid!(path, "no poses found; expected {files} here{advice}")
+        match advice {
+            Some(advice) if is_elsewhere => invalid!(path, "no poses found here: {advice}"),
+            Some(advice) => {
+                invalid!(path, "no poses found: {advice}\nPoses are read of these forms: {files}")
+            }
+            None => invalid!(path, "no poses found; expected {files} here"),
+        }
     })
 }
 

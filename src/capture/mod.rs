@@ -26,12 +26,14 @@ mod lens;
 mod load;
 mod loaded;
 mod masks;
+mod masks_apart;
 mod options;
 mod overlap;
 pub(crate) mod paths;
 mod photo_files;
 mod photo_folder;
 mod photos;
+mod photos_apart;
 mod photos_near;
 #[cfg(test)]
 mod photos_tests;

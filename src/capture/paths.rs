@@ -32,8 +32,13 @@ pub(crate) fn is_of_macos(name: &OsStr) -> bool {
 
 /// Whether a name has a word for images that programs make of photos.
 pub(super) fn has_word_of_made(name: &str) -> bool {
+    has_word(name, &MADE)
+}
+
+/// Whether a name has one of these words, in any case.
+pub(super) fn has_word(name: &str, known: &[&str]) -> bool {
     let mut words = name.split(|c: char| !c.is_alphanumeric());
-    words.any(|word| MADE.iter().any(|made| word.eq_ignore_ascii_case(made)))
+    words.any(|word| known.iter().any(|known| word.eq_ignore_ascii_case(known)))
 }
 
 /// Whether programs keep something of their own under this name: `.thumb`, `@eaDir`, `__MACOSX`.
@@ -104,17 +109,19 @@ pub(crate) fn confine(root: &Path, path: &Path, stored: &str) -> Result<()> {
 
 /// Whether a path lies in a folder, by the text of both: links lead where their owner wants them to.
 pub(crate) fn is_inside(folder: &Path, path: &Path) -> bool {
-    let plain = |path: &Path| {
-        let mut plain = PathBuf::new();
-        for part in std::path::absolute(path).unwrap_or_else(|_| path.to_owned()).components() {
-            match part {
-                Component::ParentDir => drop(plain.pop()),
-                part => plain.push(part),
-            }
+    normal(path).starts_with(normal(folder))
+}
+
+/// An absolute path without `.` and `..`, by its text.
+pub(super) fn normal(path: &Path) -> PathBuf {
+    let mut normal = PathBuf::new();
+    for part in std::path::absolute(path).unwrap_or_else(|_| path.to_owned()).components() {
+        match part {
+            Component::ParentDir => drop(normal.pop()),
+            part => normal.push(part),
         }
-        plain
-    };
-    plain(path).starts_with(plain(folder))
+    }
+    normal
 }
 
 #[cfg(test)]

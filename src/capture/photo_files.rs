@@ -2,14 +2,15 @@
 
 use super::claims;
 use super::folder::CaptureFolder;
+use super::masks_apart;
 use super::options::LoadOptions;
 use super::paths::{is_inside, is_there};
 use super::photo_folder::{Match, PhotoFolder};
-use super::photos_near;
-use super::source::{Source, SourceView, UnusedView, Why, first_names, first_of, first_paths};
+use super::photos_apart;
+use super::source::{Source, SourceView, UnusedView, Why, first_names, first_paths};
 use crate::text::{self, quoted, shell_word};
-use crate::{Error, Report, Result};
-use std::collections::BTreeSet;
+use crate::{Report, Result};
+use std::collections::{BTreeSet, HashSet};
 use std::path::{Path, PathBuf};
 
 /// The folder of the photos, which must exist unless the pose file names every photo.
@@ -27,42 +28,19 @@ pub(super) fn photo_folder(folder: &CaptureFolder, source: &Source) -> Result<Ph
             return Ok(beside);
         }
     }
-    let missing = source.unused.iter().find(|v| v.why == Why::NoPhoto);
+    let mut posed: Vec<&str> = source.views.iter().map(|v| v.name.as_str()).collect();
+    posed.extend(source.names_unused(Why::NoPhoto));
     // Photos beside the folder of the poses, as many projects keep them.
     let around = folder.root.canonicalize().ok().and_then(|root| Some(root.parent()?.join("images")));
     let named = match around.filter(|images| images.is_dir()) {
         Some(images) => format!("name the folder with --images {}", shell_word(&images)),
-        None => format!("name the folder with --images{}", folders_with(folder, &source.views)),
+        None => format!("name the folder with --images{}", photos_apart::hint(folder, &posed)),
     };
-    let example = source.views.first().map(|v| &v.name).or(missing.map(|v| &v.name));
     Err(invalid!(
         images,
         "no folder of photos; expected photos such as {} there: {named}",
-        quoted(example.map_or("0001.jpg", String::as_str))
+        quoted(posed.first().unwrap_or(&"0001.jpg"))
     ))
-}
-
-/// Views whose photos are looked for in other folders: those of a few are proof enough.
-const NUM_ASKED: usize = 3;
-
-/// What to give `--images`: the folder inside that holds photos of all of the first views, with the others if there are several.
-fn folders_with(folder: &CaptureFolder, views: &[SourceView]) -> String {
-    let asked = &views[..views.len().min(NUM_ASKED)];
-    let inside = |found: &Path| found.strip_prefix(&folder.root).unwrap_or(found).to_owned();
-    let holds = |found: &Path| {
-        let photos = folder.photos(&inside(found).to_string_lossy());
-        asked.iter().all(|view| photos.find_whole(&view.name).is_ok_and(|photo| photo.is_some()))
-    };
-    if asked.is_empty() {
-        return String::new();
-    }
-    let found = photos_near::folders(&folder.root, &holds);
-    let words: Vec<String> = found.iter().map(|found| shell_word(&inside(found))).collect();
-    match &words[..] {
-        [] => String::new(),
-        [only] => format!(" {only}"),
-        [first, others @ ..] => format!(" {first} (or {})", first_of(others.iter().cloned())),
-    }
 }
 
 /// Leaves photos to the views that they belong to; the others have none.
@@ -101,7 +79,6 @@ pub(super) fn find_photos(
     folder: &PhotoFolder,
     report: &mut Report,
 ) -> Result<()> {
-    let known: Vec<SourceView> = source.views.iter().take(NUM_ASKED).cloned().collect();
     for view in &mut source.views {
         if view.photo.is_none() {
             view.photo = folder.find(&view.name)?;
@@ -113,30 +90,57 @@ pub(super) fn find_photos(
     }
     source.views.retain(|v| v.photo.is_some());
     settle(source, report);
-    let missing = source.names_unused(Why::NoPhoto);
-    let total = source.views.len() + missing.len();
+    let unused = source.names_unused(Why::NoPhoto);
+    let total = source.views.len() + unused.len();
+    // Stored paths may begin above the folder of the photos, and readers may have looked into the folders inside.
+    let is_deeper = |view: &SourceView| view.photo_path().parent() != Some(&*capture.root);
+    let is_deep = *folder.path() == *capture.root && source.views.iter().any(is_deeper);
+    let folders = [folder, &PhotoFolder { is_deep, ..capture.photos("") }];
+    let several =
+        |name: &str| folders.map(|f| f.several(name)).into_iter().find(|fitting| !fitting.is_empty());
+    let (unclear, missing): (Vec<&str>, Vec<&str>) =
+        unused.iter().copied().partition(|name| several(name).is_some());
+    let example = unclear.first().and_then(|name| Some((*name, several(name)?)));
+    let example = example.map_or(String::new(), |(name, fitting)| {
+        let fitting: Vec<PathBuf> =
+            fitting.iter().map(|path| path.strip_prefix(&capture.root).unwrap_or(path).to_owned()).collect();
+        format!("{} may be {}", quoted(name), first_paths(&fitting))
+    });
     let names = first_names(missing.iter().copied());
     if source.views.len() < 2 {
-        return Err(Error::invalid(
+        let lacking = match (missing.len(), unclear.len()) {
+            (0, 0) => return Err(invalid!(folder.path(), "{total} view with a pose, expected at least two")),
+            (count, 0) => format!("photos of {count} of {total} views are missing ({names})"),
+            (0, count) => format!("several photos fit each of {count} of {total} views ({example})"),
+            (count, unclear) => format!(
+                "photos of {count} of {total} views are missing ({names}), and several fit each of {unclear} ({example})"
+            ),
+        };
+        return Err(invalid!(
             folder.path(),
-            match missing.is_empty() {
-                true => format!("{total} view with a pose, expected at least two"),
-                false => format!(
-                    "photos of {} of {total} views are missing ({names}), at least two are needed; name their \
-                     folder with --images{}",
-                    missing.len(),
-                    folders_with(capture, &known)
-                ),
-            },
+            "{lacking}, at least two are needed; name their folder with --images{}",
+            photos_apart::hint(capture, &unused)
         ));
     }
+    let are_left_out = |count: usize| if count == 1 { "is left out" } else { "are left out" };
     if !missing.is_empty() {
         let what = format!(
-            "{} of {total} views have no photo in {} and are left out: {names}",
+            "{} of {total} views {} no photo in {} and {}: {names}",
             missing.len(),
-            text::path(folder.path())
+            if missing.len() == 1 { "has" } else { "have" },
+            text::path(folder.path()),
+            are_left_out(missing.len())
         );
         report.warn("views-without-photo", missing.len(), what);
+    }
+    if !unclear.is_empty() {
+        let what = format!(
+            "{} of {total} views {}, since several photos fit each: {example}; name the folder of the right ones with \
+             --images, or move the others away",
+            unclear.len(),
+            are_left_out(unclear.len())
+        );
+        report.warn("views-of-several-photos", unclear.len(), what);
     }
     Ok(())
 }
@@ -146,6 +150,7 @@ pub(super) fn find_photos(
 pub(super) fn find_masks(
     folder: &CaptureFolder,
     source: &mut Source,
+    photos: &PhotoFolder,
     options: &LoadOptions,
     report: &mut Report,
 ) -> Result<Option<PhotoFolder>> {
@@ -163,8 +168,10 @@ pub(super) fn find_masks(
         view.mask = view.mask.take().filter(|mask| is_there(mask));
     }
     if let Some(masks) = &masks {
+        let own: HashSet<&Path> = source.views.iter().map(|view| view.photo_path()).collect();
+        let is_photo = |path: &Path| own.contains(path);
         let found: Vec<Option<Match>> =
-            source.views.iter().map(|view| masks.find_mask(&view.name)).collect::<Result<_>>()?;
+            source.views.iter().map(|view| masks.find_mask(&view.name, &is_photo)).collect::<Result<_>>()?;
         let (views, claims): (Vec<usize>, Vec<&Match>) =
             found.iter().enumerate().filter_map(|(v, mask)| Some((v, mask.as_ref()?))).unzip();
         let lost: BTreeSet<usize> = claims::losers(&claims).iter().map(|loser| views[loser.index]).collect();
@@ -178,7 +185,10 @@ pub(super) fn find_masks(
     let place = match (&masks, &named) {
         (Some(masks), _) => text::path(masks.path()),
         (None, Some(named)) => format!("the files that the poses name, such as {}", text::path(named)),
-        (None, None) => return Ok(None),
+        (None, None) => {
+            masks_apart::warn(folder, photos, &source.views, report);
+            return Ok(None);
+        }
     };
     if !without.is_empty() {
         let what = format!(

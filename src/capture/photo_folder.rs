@@ -80,8 +80,8 @@ impl Deref for Match {
 /// How the name of a file differs from the one that was looked for. Less is better; none is exact.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Misfit {
-    /// Leading folders of the name that are not there.
-    folders: usize,
+    /// Leading folders of the name that are not there, or 1 of a photo in a folder inside.
+    pub folders: usize,
     /// The name has another extension, or none.
     extension: bool,
     /// Upper and lower case differ.
@@ -94,6 +94,9 @@ pub(crate) struct PhotoFolder {
     pub(super) path: PathBuf,
     /// Nothing outside this folder is opened.
     pub(super) confined_to: Option<PathBuf>,
+    /// Whether names without folders may be those of photos in the folders inside. In the folder of the capture there are
+    /// also images that are no photos of it.
+    pub(super) is_deep: bool,
     pub(super) listings: Listings,
 }
 
@@ -104,8 +107,8 @@ impl PhotoFolder {
     }
 
     /// The photo of a name with or without extension. The file may have another extension, as scaled copies have; its name
-    /// may differ in case, as on disks that ignore it; and of a path on another computer, or from another folder, the
-    /// longest end that is there counts.
+    /// may differ in case, as on disks that ignore it; of a path on another computer, or from another folder, the longest
+    /// end that is there counts; and in the folder that a name leads to, the only photo of that name in the folders inside.
     ///
     /// # Errors
     /// [`crate::Error::InvalidInput`] if the name leads out of an archive.
@@ -116,25 +119,47 @@ impl PhotoFolder {
         if let Some(turned) = with_slashes(name) {
             return self.find(&turned);
         }
-        let starts: Vec<usize> = name.match_indices('/').map(|(at, _)| at + 1).collect();
-        let first = starts.len().saturating_sub(ENDS_MAX);
-        let is_plain = |end: &str| {
-            Path::new(end).components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
-        };
-        let mut ends = starts.iter().enumerate().skip(first).map(|(i, at)| (i + 1, &name[*at..]));
-        Ok(ends.find_map(|(folders, end)| {
-            let found = is_plain(end).then(|| self.at(end)).flatten()?;
-            Some(Match { asked: name.to_owned(), misfit: Misfit { folders, ..found.misfit }, ..found })
+        let end = ends(name).find_map(|(folders, end)| Some((folders, self.at(end)?)));
+        let end = end.map(|(folders, found)| Match {
+            asked: name.to_owned(),
+            misfit: Misfit { folders, ..found.misfit },
+            ..found
+        });
+        Ok(end.or_else(|| match &self.fitting_inside(name)[..] {
+            [only] => Some(inside(only, name)),
+            _ => None,
         }))
     }
 
-    /// The only photo of a name in this folder and those in it.
-    pub fn find_below(&self, name: &str) -> Option<Match> {
-        let stem = Path::new(without_extension(name)).file_name()?.to_string_lossy().to_lowercase();
-        let below = self.listings.deep(&self.path);
-        let [path] = below.get(&stem)?.as_slice() else { return None };
-        let misfit = Misfit { folders: 1, extension: true, case: false };
-        Some(Match { path: path.clone(), asked: name.to_owned(), misfit })
+    /// The photos in the folders inside that a name may mean, where they are several.
+    pub fn several(&self, name: &str) -> Vec<PathBuf> {
+        let fitting = self.fitting_inside(&name.replace('\\', "/"));
+        if fitting.len() > 1 { fitting } else { Vec::new() }
+    }
+
+    /// The photos of a name in the folders inside the one that it leads to. The extension tells them apart where it can.
+    fn fitting_inside(&self, name: &str) -> Vec<PathBuf> {
+        let (folder, file) = match name.rsplit_once('/') {
+            Some((folder, file)) if is_plain(folder) && !folder.trim_matches(['.', '/']).is_empty() => {
+                (self.path.join(folder), file)
+            }
+            None if self.is_deep => (self.path.clone(), name),
+            _ => return Vec::new(),
+        };
+        if !folder.is_dir() {
+            return Vec::new();
+        }
+        let extension = Path::new(file).extension().unwrap_or_default();
+        let (same, other): (Vec<PathBuf>, Vec<PathBuf>) = self
+            .stems_inside(&folder, without_extension(file))
+            .into_iter()
+            .partition(|path| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension)));
+        if same.is_empty() { other } else { same }
+    }
+
+    /// The photos of a stem in a folder and those in it.
+    fn stems_inside(&self, folder: &Path, stem: &str) -> Vec<PathBuf> {
+        self.listings.deep(folder).get(&stem.to_lowercase()).cloned().unwrap_or_default()
     }
 
     /// As [`Self::find`], of the whole path only.
@@ -189,22 +214,68 @@ impl PhotoFolder {
         Some(Match { path: folder.join(name), asked: asked.to_owned(), misfit })
     }
 
-    /// The mask of a photo: `name.ext.png`, the photo's own path, `name.png`, or Metashape's `name_mask.png`.
+    /// The mask of a photo: `name.ext.png`, the photo's own path, `name.png`, or Metashape's `name_mask.png`; of the name's
+    /// folders, the longest end that is there counts, and of a name without folders, the only such mask in the folders
+    /// inside. The photo itself and others (`is_photo`) are none.
     ///
     /// # Errors
     /// As [`Self::find`].
-    pub fn find_mask(&self, name: &str) -> Result<Option<Match>> {
-        let double = format!("{name}.png");
+    pub fn find_mask(&self, name: &str, is_photo: &dyn Fn(&Path) -> bool) -> Result<Option<Match>> {
         if self.confined_to.is_some() {
-            self.check(&double)?;
+            self.check(&format!("{name}.png"))?;
         }
-        Ok(self
-            .exact(&double, name)
-            .or_else(|| self.exact(name, name))
-            .or_else(|| self.with_stem(name, name))
-            .or_else(|| self.at(name))
-            .or_else(|| self.with_stem(&format!("{}_mask", without_extension(name)), name)))
+        let whole = std::iter::once((0, name));
+        let found = whole.chain(ends(name)).find_map(|(folders, end)| {
+            let found = self.mask_at(end, is_photo)?;
+            Some(Match {
+                asked: name.to_owned(),
+                misfit: Misfit { folders: found.misfit.folders + folders, ..found.misfit },
+                ..found
+            })
+        });
+        Ok(found.or_else(|| {
+            let bare = without_extension(name);
+            let stems = [name.to_owned(), bare.to_owned(), format!("{bare}_mask")];
+            let mut fitting = stems.iter().filter(|_| self.is_deep && !name.contains('/')).map(|stem| {
+                let found = self.stems_inside(&self.path, stem).into_iter();
+                found.filter(|path| !is_photo(path)).collect::<Vec<_>>()
+            });
+            match &fitting.find(|found| !found.is_empty())?[..] {
+                [only] => Some(inside(only, name)),
+                _ => None,
+            }
+        }))
     }
+
+    fn mask_at(&self, name: &str, is_photo: &dyn Fn(&Path) -> bool) -> Option<Match> {
+        let ways: [&dyn Fn() -> Option<Match>; 5] = [
+            &|| self.exact(&format!("{name}.png"), name),
+            &|| self.exact(name, name),
+            &|| self.with_stem(name, name),
+            &|| self.at(name),
+            &|| self.with_stem(&format!("{}_mask", without_extension(name)), name),
+        ];
+        ways.into_iter().find_map(|way| way().filter(|found| !is_photo(found)))
+    }
+}
+
+/// A photo in a folder inside the one that the name leads to.
+fn inside(path: &Path, asked: &str) -> Match {
+    let misfit = Misfit { folders: 1, extension: true, case: false };
+    Match { path: path.to_owned(), asked: asked.to_owned(), misfit }
+}
+
+/// The ends of a path with slashes, longest first, and how many folders each lacks.
+fn ends(name: &str) -> impl Iterator<Item = (usize, &str)> {
+    let starts: Vec<usize> = name.match_indices('/').map(|(at, _)| at + 1).collect();
+    let first = starts.len().saturating_sub(ENDS_MAX);
+    let ends = starts.into_iter().enumerate().skip(first).map(|(i, at)| (i + 1, &name[at..]));
+    ends.filter(|(_, end)| is_plain(end))
+}
+
+/// Whether a path leads into the folder that it is joined to.
+fn is_plain(path: &str) -> bool {
+    Path::new(path).components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
 }
 
 #[cfg(test)]
@@ -289,7 +360,7 @@ mod tests {
         for (name, file) in
             [("a.jpg", "a.jpg.png"), ("d.jpg", "d.jpg.png"), ("E.JPG", "E.JPG.PNG"), ("k.jpg", "k_mask.png")]
         {
-            assert_eq!(photos.find_mask(name).unwrap().unwrap().path, folder.path().join(file));
+            assert_eq!(photos.find_mask(name, &|_| false).unwrap().unwrap().path, folder.path().join(file));
         }
     }
 

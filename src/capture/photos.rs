@@ -70,6 +70,12 @@ pub(crate) struct PhotoHeader {
 }
 
 impl PhotoHeader {
+    /// Of a photo that cannot be read and is taken to have this size.
+    pub fn assumed(size: (u32, u32)) -> Self {
+        let (turn, color) = (Orientation::NoTransforms, ColorType::Rgb8);
+        Self { size, turn, has_alpha: false, color, decoder_bytes: 0 }
+    }
+
     /// Memory for decoding the pixels, turned if `turns`, and converting them to 8-bit `[r, g, b]` or `[r, g, b, a]`.
     pub fn colours_bytes(&self, turns: bool) -> u64 {
         self.pixels_bytes(if self.color.has_alpha() { ColorType::Rgba8 } else { ColorType::Rgb8 }, turns)

@@ -10,15 +10,15 @@ use super::undistortion::{self, Kept};
 use crate::camera::{Camera, Similarity};
 use crate::text;
 use crate::views::Split;
-use crate::{Report, Result};
+use crate::{Error, Report, Result};
 use image::metadata::Orientation;
 use rayon::prelude::*;
 
 /// The recipes of all views.
 ///
 /// # Errors
-/// [`crate::Error::InvalidInput`] if a photo cannot be read or does not fit its camera, [`crate::Error::Unsupported`] if it
-/// is too large.
+/// [`Error::InvalidInput`] if a photo does not fit its camera, [`Error::Unsupported`] if it is too large or in a form that is
+/// not read. One that is damaged is warned of: decoding it fails.
 pub(super) fn recipes(
     views: &[SourceView],
     kept: &[Kept],
@@ -27,6 +27,11 @@ pub(super) fn recipes(
 ) -> Result<Vec<Recipe>> {
     let headers: Vec<Headers> =
         views.par_iter().map(|view| Headers::of(view, options)).collect::<Result<_>>()?;
+    let problems: Vec<&str> = headers.iter().filter_map(|headers| headers.problem.as_deref()).collect();
+    if let Some(first) = problems.first() {
+        let what = format!("{} of {} photos cannot be read, the first: {first}", problems.len(), views.len());
+        report.warn("photos-unreadable", problems.len(), what);
+    }
     let is_open = |(view, headers): &(&SourceView, &Headers)| {
         options.exif == ExifTurn::Auto && turn_is_open(&view.lens, &headers.photo)
     };
@@ -46,9 +51,10 @@ pub(super) fn recipes(
 }
 
 /// What the files of a view say.
-#[derive(Clone, Copy)]
 struct Headers {
     photo: PhotoHeader,
+    /// Why the photo cannot be read; it is taken to have the size of its camera then.
+    problem: Option<String>,
     /// With the turn.
     photo_size: (u32, u32),
     /// The turn with which the photo is taken.
@@ -60,10 +66,17 @@ struct Headers {
 impl Headers {
     fn of(view: &SourceView, options: &LoadOptions) -> Result<Self> {
         let path = view.photo_path();
-        let photo = photo_header(path)?;
+        let pinhole = &view.lens.pinhole;
+        let (photo, problem) = match photo_header(path) {
+            Ok(photo) => (photo, None),
+            Err(error @ Error::InvalidInput { .. }) if path.is_file() => {
+                (PhotoHeader::assumed((pinhole.width_px, pinhole.height_px)), Some(error.to_string()))
+            }
+            Err(error) => return Err(error),
+        };
         let (photo_size, turn) = fit(path, &view.name, &view.lens, &photo, options.exif)?;
         let mask = view.mask.as_ref().and_then(|mask| photo_header(mask).ok());
-        Ok(Self { photo, photo_size, turn, mask })
+        Ok(Self { photo, problem, photo_size, turn, mask })
     }
 
     fn recipe(
@@ -73,7 +86,7 @@ impl Headers {
         focal_scale: f64,
         options: &LoadOptions,
     ) -> Result<Recipe> {
-        let Self { photo, photo_size, turn, mask } = self;
+        let Self { photo, photo_size, turn, mask, .. } = self;
         let photo_size = *photo_size;
         let recipe = Recipe {
             photo: view.photo_path().to_owned(),

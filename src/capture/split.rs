@@ -6,7 +6,7 @@ use super::source::{Source, SourceView, UnusedView, first_names, first_of};
 use crate::text::{counted, path, quoted};
 use crate::views::Split;
 use crate::{Report, Result, input_file};
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 
 /// A million names take less.
@@ -39,16 +39,21 @@ fn listed(source: &Source, list: &Path, report: &mut Report) -> Result<Vec<Split
     let text = input_file::read_text(list, LIST_BYTES_MAX)?;
     let names: Vec<&str> =
         text.lines().map(str::trim).filter(|l| !l.is_empty() && !l.starts_with('#')).collect();
-    let called: HashSet<String> = source.views.iter().flat_map(|v| ways_to_call(&v.name)).collect();
+    let by_name = ByName::new(&source.views);
     // The extension of a photo that was not looked for is not known.
-    let stem_of = |name: &str| without_extension(&plain(name)).to_owned();
+    let stem_of = |name: &str| without_extension(&plain(name)).to_lowercase();
     let unused: HashMap<String, &UnusedView> = source.unused.iter().map(|v| (stem_of(&v.name), v)).collect();
-    let (mut unknown, mut left_out) = (Vec::new(), Vec::new());
-    for &name in names.iter().filter(|name| !called.contains(&plain(name))) {
-        let named = [stem_of(name), plain(name)].iter().find_map(|way| unused.get(way).copied());
-        match named {
-            Some(view) => left_out.push(view),
-            None => unknown.push(name),
+    let (mut unknown, mut left_out, mut listed) = (Vec::new(), Vec::new(), BTreeSet::<usize>::new());
+    for &name in &names {
+        let found = by_name.find(name);
+        listed.extend(found);
+        if found.is_empty() {
+            let named =
+                [stem_of(name), plain(name).to_lowercase()].iter().find_map(|way| unused.get(way).copied());
+            match named {
+                Some(view) => left_out.push(view),
+                None => unknown.push(name),
+            }
         }
     }
     if !unknown.is_empty() {
@@ -60,9 +65,35 @@ fn listed(source: &Source, list: &Path, report: &mut Report) -> Result<Vec<Split
         ));
     }
     warn_of_unused(left_out.into_iter(), &path(list), report);
-    let listed: HashSet<String> = names.iter().map(|name| plain(name)).collect();
-    let is_listed = |v: &SourceView| ways_to_call(&v.name).iter().any(|way| listed.contains(way));
-    Ok(source.views.iter().map(|v| side(is_listed(v))).collect())
+    Ok((0..source.views.len()).map(|index| side(listed.contains(&index))).collect())
+}
+
+/// Views by the names that a list may give them: with or without extension, in any case where that leaves one view.
+#[derive(Default)]
+struct ByName {
+    exact: HashMap<String, Vec<usize>>,
+    folded: HashMap<String, Vec<usize>>,
+}
+
+impl ByName {
+    fn new(views: &[SourceView]) -> Self {
+        let mut by_name = Self::default();
+        for (index, view) in views.iter().enumerate() {
+            let name = plain(&view.name);
+            let ways = BTreeSet::from([without_extension(&name), &name]);
+            for way in ways {
+                by_name.exact.entry(way.to_owned()).or_default().push(index);
+                by_name.folded.entry(way.to_lowercase()).or_default().push(index);
+            }
+        }
+        by_name
+    }
+
+    fn find(&self, listed: &str) -> &[usize] {
+        let listed = plain(listed);
+        let in_any_case = || self.folded.get(&listed.to_lowercase()).filter(|views| views.len() == 1);
+        self.exact.get(&listed).or_else(in_any_case).map_or(&[], Vec::as_slice)
+    }
 }
 
 fn warn_of_unused<'a>(views: impl Iterator<Item = &'a UnusedView>, split_by: &str, report: &mut Report) {
@@ -80,11 +111,4 @@ fn warn_of_unused<'a>(views: impl Iterator<Item = &'a UnusedView>, split_by: &st
 
 fn side(is_test: bool) -> Split {
     if is_test { Split::Test } else { Split::Train }
-}
-
-/// The names that a list may give a view.
-fn ways_to_call(name: &str) -> [String; 2] {
-    let name = plain(name);
-    let stem = without_extension(&name).to_owned();
-    [name, stem]
 }

@@ -155,8 +155,27 @@ fn the_split_follows_test_every_or_test_list() {
     std::fs::write(&list, "# held out\np03.png\n\np05\n").unwrap();
     let listed = LoadOptions { test_list: Some(list.clone()), ..options() };
     assert_eq!(tests(&listed), [2, 4]);
+    std::fs::write(&list, "P03.PNG\nP05\n").unwrap();
+    assert_eq!(tests(&listed), [2, 4], "in any case");
     std::fs::write(&list, "p99.png\n").unwrap();
     assert!(error(&folder, &listed).contains("\"p99.png\""));
+}
+
+#[test]
+fn names_of_a_test_list_may_differ_in_case_where_one_view_is_left() {
+    let mut scene = Scene::ring(6);
+    for (image, name) in scene.images.iter_mut().zip(["a.png", "A.png", "b.png"]) {
+        image.name = name.to_owned();
+    }
+    let folder = written(&scene);
+    let list = folder.path().join("test.txt");
+    let listed = LoadOptions { test_list: Some(list.clone()), ..options() };
+    for (text, expected) in [("a", 1), ("A.png", 0), ("B.PNG", 2)] {
+        std::fs::write(&list, text).unwrap();
+        assert_eq!(load(&folder, &listed).indices(Split::Test), [expected], "{text}");
+    }
+    std::fs::write(&list, "A.PNG").unwrap();
+    assert!(error(&folder, &listed).contains("\"A.PNG\""), "either may be meant");
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use super::extensions;
 use super::health::PhotosOnDisk;
-use super::paths::{has_word_of_made, is_hidden, may_hold_photos, without_extension};
+use super::paths::{has_word_of_made, is_hidden, may_hold_photos, normal, without_extension};
 use super::photo_folder::PhotoFolder;
 use super::source::{Source, Why};
 use std::collections::{BTreeMap, BTreeSet, HashSet};
@@ -33,7 +33,7 @@ pub(super) fn count(source: &Source, photos: &PhotoFolder, is_deep: bool) -> Pho
             None => unused.extend([stem(Path::new(&view.name))]),
         }
     }
-    let masks: HashSet<&Path> = source.views.iter().filter_map(|v| v.mask.as_deref()).collect();
+    let masks: HashSet<PathBuf> = source.views.iter().filter_map(|v| v.mask.as_deref()).map(normal).collect();
     let folders = if is_deep { with_folders_inside(photos.path(), &own) } else { own };
     let mut without = 0;
     for folder in &folders {
@@ -42,7 +42,7 @@ pub(super) fn count(source: &Source, photos: &PhotoFolder, is_deep: bool) -> Pho
             let path = entry.path();
             let is_photo = extensions::is_read(&path) && !is_hidden(&entry.file_name());
             if is_photo && !path.is_dir() {
-                *stems.entry(stem(&path)).or_default() |= masks.contains(&*path);
+                *stems.entry(stem(&path)).or_default() |= masks.contains(&path);
             }
         }
         let is_posed =
@@ -79,14 +79,14 @@ fn with_folders_inside(root: &Path, own: &BTreeSet<PathBuf>) -> BTreeSet<PathBuf
                 open.push(entry.path());
             }
         }
-        // Without the slash at the end that joining nothing leaves.
-        found.insert(folder.components().collect());
+        found.insert(normal(&folder));
     }
     found
 }
 
 fn key(photo: &Path) -> Key {
-    (photo.parent().unwrap_or(Path::new("")).components().collect(), stem(photo))
+    // Names may lead out of the folder and back.
+    (normal(photo.parent().unwrap_or(Path::new(""))), stem(photo))
 }
 
 /// The name of a file without extension, in lower case.

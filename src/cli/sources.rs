@@ -21,6 +21,9 @@ pub fn on_device(trained: &Trained, name: &str, log: &Log) -> Result<Box<dyn Bac
     Ok(backend)
 }
 
+/// Extensions of splats that SuperSplat reads, beside those that we do.
+const OF_SPLATS: [&str; 4] = ["splat", "ksplat", "sog", "lcc"];
+
 /// Refuses a file that is neither a checkpoint nor an asset; the message names `others` that can be used as well.
 ///
 /// # Errors
@@ -29,7 +32,10 @@ pub fn check_kind(source: &Path, others: &str) -> Result<()> {
     if !source.is_file() || is_asset(source) || is_checkpoint(source) {
         return Ok(());
     }
-    let expected = format!("{}, {RUN_OR_CHECKPOINT}{others}", Format::all_named());
+    let is_of_splats =
+        source.extension().is_some_and(|e| OF_SPLATS.iter().any(|of| e.eq_ignore_ascii_case(of)));
+    let advice = if is_of_splats { "; open it in SuperSplat and export it as PLY" } else { "" };
+    let expected = format!("{}, {RUN_OR_CHECKPOINT}{others}{advice}", Format::all_named());
     Err(unknown_kind(source, &expected).into())
 }
 

@@ -27,13 +27,7 @@ impl Columns {
                 invalid!(path, "element \"vertex\" has no property {name:?}: not a file of splats")
             })
         };
-        if index("packed_position").is_some() {
-            return Err(unsupported!(
-                path,
-                "a compressed PLY (property \"packed_position\"), expected a plain one: open it in SuperSplat and export \
-                 it as \"PLY\" instead of \"Compressed PLY\""
-            ));
-        }
+        vertex.check_uncompressed(path)?;
         let numbered = |name: &str| (0..).map_while(|i| index(&format!("{name}_{i}"))).collect::<Vec<_>>();
         let rest = numbered("f_rest");
         let mut degrees = 0..=SH_DEGREE_READ_MAX;

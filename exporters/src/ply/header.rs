@@ -70,6 +70,21 @@ impl Element {
     pub(super) fn row_bytes(&self) -> Option<usize> {
         self.properties.iter().map(|p| p.scalar().map(Scalar::num_bytes)).sum()
     }
+
+    /// Refuses splats in SuperSplat's compressed form; `path` is only for messages.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] with what to export instead.
+    pub fn check_uncompressed(&self, path: &Path) -> Result<()> {
+        match self.properties.iter().any(|p| p.name == "packed_position") {
+            true => Err(unsupported!(
+                path,
+                "a compressed PLY (property \"packed_position\"), expected a plain one: open it in SuperSplat and export \
+                 it as \"PLY\" instead of \"Compressed PLY\""
+            )),
+            false => Ok(()),
+        }
+    }
 }
 
 /// Everything before the data.

@@ -12,8 +12,14 @@ use std::path::Path;
 
 /// Reads a JSON file; `expected` says in the error what it should have been.
 pub(crate) fn read<T: de::DeserializeOwned>(path: &Path, expected: &str) -> Result<T> {
-    serde_json::from_str(&quoted_tokens(&read_text(path)?))
-        .map_err(|e| invalid!(path, "{e}; expected {expected}"))
+    let text = read_text(path)?;
+    let text = quoted_tokens(&text);
+    serde_json::from_str(&text).map_err(|e| {
+        let value = serde_json::from_str::<Value>(&text).ok();
+        // Of JSON of another shape, the field tells more than the line.
+        let named = value.and_then(|value| parsed::<T>(value).err());
+        invalid!(path, "{}; expected {expected}", named.unwrap_or_else(|| e.to_string()))
+    })
 }
 
 /// A number that may be NaN or infinite, which JSON cannot express: as a string, or null.
@@ -164,6 +170,29 @@ mod tests {
             let problem = read[index].0.as_ref().unwrap_err();
             assert!(problem.contains(what), "{problem}");
         }
+    }
+
+    #[test]
+    fn a_field_of_another_type_is_named() {
+        #[derive(Debug, Deserialize)]
+        struct Lists {
+            #[serde(flatten)]
+            _names: std::collections::BTreeMap<String, Vec<String>>,
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("lists.json");
+        let problem = |text: &str| {
+            std::fs::write(&path, text).unwrap();
+            read::<Lists>(&path, "lists").err().map(|e| e.to_string())
+        };
+        assert_eq!(problem(r#"{"a": [], "b": ["x"]}"#), None, "negative control");
+        let text = problem(r#"{"a": [], "b": "x"}"#).unwrap();
+        assert!(
+            text.contains("b: invalid type: string \"x\", expected a sequence; expected lists"),
+            "{text}"
+        );
+        let text = problem(r#"{"a": [], "b": ["x"#).unwrap();
+        assert!(text.contains("line 1 column"), "what is no JSON has a line: {text}");
     }
 
     #[test]

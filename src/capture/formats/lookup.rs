@@ -1,10 +1,12 @@
 //! Pose files whose names are not fixed, and the photos of those that name them by a label: a name without extension, or
 //! a path on another computer.
 
-use crate::Result;
 use crate::capture::folder::CaptureFolder;
 use crate::capture::photo_folder::{Match, PhotoFolder};
-use crate::capture::source::{Source, Why};
+use crate::capture::photos_apart;
+use crate::capture::source::{Source, Why, first_of};
+use crate::text;
+use crate::{Report, Result, input_file};
 use std::fs::File;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
@@ -28,6 +30,30 @@ pub(crate) fn files(folder: &Path, extension: &str, depth: usize) -> Vec<PathBuf
     found
 }
 
+/// The pose file with the most cameras; warns of the others.
+pub(crate) fn largest(
+    mut files: Vec<PathBuf>,
+    num_cameras: impl Fn(&Path) -> usize,
+    report: &mut Report,
+) -> Option<PathBuf> {
+    if files.len() > 1 {
+        let counts: Vec<usize> = files.iter().map(|file| num_cameras(file)).collect();
+        // Of equals, the first.
+        let best = (0..files.len()).rev().max_by_key(|&index| counts[index]).unwrap_or(0);
+        let others = (0..files.len()).filter(|&index| index != best);
+        let what = format!(
+            "{} files of poses; using {}, which has the most cameras ({}); ignoring {}: name another in place of the folder",
+            files.len(),
+            text::path(&files[best]),
+            counts[best],
+            first_of(others.map(|index| format!("{} ({})", text::path(&files[index]), counts[index])))
+        );
+        report.warn("several-pose-files", files.len() - 1, what);
+        return Some(files.swap_remove(best));
+    }
+    files.pop()
+}
+
 /// Whether the first bytes of a regular file hold all of these texts.
 pub(crate) fn begins_with_all(path: &Path, texts: &[&str]) -> bool {
     // The longest preamble of the formats: attributes of other programs in a sidecar file.
@@ -35,7 +61,7 @@ pub(crate) fn begins_with_all(path: &Path, texts: &[&str]) -> bool {
     let mut head = Vec::new();
     let is_read = path.is_file()
         && File::open(path).is_ok_and(|file| file.take(HEAD_BYTES).read_to_end(&mut head).is_ok());
-    let head = String::from_utf8_lossy(&head);
+    let head = input_file::text_of_head(&head);
     is_read && texts.iter().all(|text| head.contains(text))
 }
 
@@ -45,7 +71,7 @@ pub(crate) fn photo_folder(folder: &CaptureFolder, usual: &[&str]) -> PhotoFolde
     folder.images.clone().unwrap_or_else(|| folder.photos(inside.unwrap_or_default()))
 }
 
-/// The photo of a label and its name in the folder; a label without folders may be that of the only such photo in those inside.
+/// The photo of a label and its name in the folder; labels without folders are looked for in those inside.
 ///
 /// # Errors
 /// As [`PhotoFolder::find`].
@@ -54,19 +80,28 @@ pub(crate) fn find(photos: &PhotoFolder, label: &str) -> Result<Option<(String, 
     // Paths on another computer, with a drive or a root, are none of this one.
     let inside = path.split_once(":/").map_or(path.as_str(), |(_, inside)| inside);
     let inside = inside.trim_start_matches(['/', '.']);
-    let found = photos.find(inside)?.or_else(|| photos.find_below(inside).filter(|_| !inside.contains('/')));
-    Ok(found.map(|photo| (name_in(photos, &photo), Match { asked: label.to_owned(), ..photo })))
+    let photos = PhotoFolder { is_deep: true, ..photos.clone() };
+    let found = photos.find(inside)?;
+    Ok(found.map(|photo| (name_in(&photos, &photo), Match { asked: label.to_owned(), ..photo })))
 }
 
-/// An error if none of the posed photos is there; `remedy` says what to do.
+/// An error if none of the posed photos is there, with the folder that has them, or else a remedy.
 ///
 /// # Errors
 /// See above.
-pub(crate) fn require_photos(source: &Source, photos: &PhotoFolder, remedy: &str) -> Result<()> {
-    match source.names_unused(Why::NoPhoto).first().filter(|_| source.views.is_empty()) {
-        Some(first) => Err(invalid!(photos.path(), "no photos, expected {first}.jpg and others; {remedy}")),
-        None => Ok(()),
-    }
+pub(crate) fn require_photos(
+    folder: &CaptureFolder,
+    source: &Source,
+    photos: &PhotoFolder,
+    remedy: &str,
+) -> Result<()> {
+    let missing = source.names_unused(Why::NoPhoto);
+    let Some(first) = missing.first().filter(|_| source.views.is_empty()) else { return Ok(()) };
+    let remedy = match &*photos_apart::hint(folder, &missing) {
+        "" => remedy.to_owned(),
+        hint => format!("name their folder with --images{hint}"),
+    };
+    Err(invalid!(photos.path(), "no photos, expected {first}.jpg and others; {remedy}"))
 }
 
 /// The name of a photo relative to its folder, with forward slashes.

@@ -11,7 +11,7 @@
 //! chunks whose size nobody measured: they count as metric if places or scale bars determine the similarity.
 
 use super::axes::{from_opencv, from_rows};
-use super::lookup::{begins_with_all, files, find as find_photo, photo_folder};
+use super::lookup::{begins_with_all, files, find as find_photo, largest, photo_folder};
 use super::metashape_lens::lens;
 use super::unused;
 use super::xml::{self, child, numbers, text_of};
@@ -26,7 +26,7 @@ use crate::{Report, Result};
 use glam::{DMat3, DVec3};
 use roxmltree::Node;
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// See [`PoseFormat`].
 pub(crate) const FORMAT: PoseFormat = PoseFormat {
@@ -46,15 +46,26 @@ const AXES_RATIO_2: f64 = 1.006_739_496_742_276_5;
 /// Places that determine a similarity.
 const NUM_PLACES_MIN: usize = 3;
 
-fn find(path: &Path, _: &mut Report) -> Option<Found> {
+fn find(path: &Path, report: &mut Report) -> Option<Found> {
     let is_xml = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("xml"));
     let (root, candidates) = match path.is_file() {
         true if !is_xml => return None,
         true => (path.parent().unwrap_or(Path::new("")), vec![path.to_owned()]),
         false => (path, files(path, "xml", 0)),
     };
-    let file: PathBuf = candidates.into_iter().find(|p| begins_with_all(p, &["<document", "<chunk"]))?;
+    let exports = candidates.into_iter().filter(|p| begins_with_all(p, &["<document", "<chunk"])).collect();
+    let file = largest(exports, num_cameras, report)?;
     Some(Found::new(root, Box::new(move |folder| read(&file, folder))))
+}
+
+/// The posed cameras of the chunk that is read of a file; 0 of a file that cannot be read.
+fn num_cameras(path: &Path) -> usize {
+    let count = || {
+        let text = xml::read(path)?;
+        let document = xml::parse(path, &text)?;
+        largest_chunk(path, document.root_element(), &mut Report::default()).map(|chunk| num_posed(&chunk))
+    };
+    count().unwrap_or(0)
 }
 
 /// A similarity: `in_capture = rotation * scale * in_chunk + translation`.
@@ -303,15 +314,16 @@ fn photo_path<'a>(photo: Node<'a, '_>) -> Option<(&'a str, &'a str)> {
     photo.attribute("path").filter(|path| !path.is_empty()).map(|path| (id, path))
 }
 
+fn num_posed(chunk: &Node<'_, '_>) -> usize {
+    chunk.descendants().filter(|n| n.has_tag_name("camera") && child(*n, "transform").is_some()).count()
+}
+
 /// The chunk with the most posed cameras.
 fn largest_chunk<'a, 'input>(
     path: &Path,
     root: Node<'a, 'input>,
     report: &mut Report,
 ) -> Result<Node<'a, 'input>> {
-    let num_posed = |chunk: &Node<'_, '_>| {
-        chunk.descendants().filter(|n| n.has_tag_name("camera") && child(*n, "transform").is_some()).count()
-    };
     let chunks: Vec<_> =
         root.children().filter(|n| n.has_tag_name("chunk")).map(|n| (num_posed(&n), n)).collect();
     // Of equals, the first.

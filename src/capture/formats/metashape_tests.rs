@@ -351,3 +351,43 @@ fn metres_are_known_from_the_earth_or_from_what_was_measured() {
     assert_eq!(local(metre, "", bar), None);
     assert_eq!(metric(&small(placed, CALIBRATION, &["component_id='0'"; 3])), None);
 }
+
+#[test]
+fn of_several_exports_the_one_with_the_most_cameras_is_read() {
+    let folder = tempdir().unwrap();
+    let camera = SURVEY.split_once("<camera id=\"0\"").unwrap().1.split_once("</camera>").unwrap().0;
+    let again = format!("<camera id=\"1\"{camera}</camera></group>").replace("_00001.JPG", "_00002.JPG");
+    let unposed = format!("{}</group>", "<camera id=\"9\" label=\"x\"/>".repeat(5));
+    for (name, text) in [
+        ("a.xml", SURVEY.to_owned()),
+        ("b.xml", SURVEY.replace("</group>", &again)),
+        ("c.xml", SURVEY.replace("</group>", &unposed)),
+        ("d.xml", "<document><other/>".to_owned()),
+    ] {
+        std::fs::write(folder.path().join(name), text).unwrap();
+    }
+    let mut report = Report::default();
+    let found = find(folder.path(), &mut report).unwrap();
+    let source = (found.read)(&CaptureFolder::new(folder.path(), None, false).unwrap()).unwrap();
+    assert!(source.path.ends_with("b.xml"), "{:?}", source.path);
+    let warned = &report.warnings[0];
+    assert_eq!((&*warned.code, warned.count), ("several-pose-files", 2));
+    assert!(warned.message.contains("b.xml, which has the most cameras (2)"), "{}", warned.message);
+    assert!(warned.message.contains("a.xml (1)") && warned.message.contains("c.xml (1)"));
+    let mut report = Report::default();
+    assert!(find(&folder.path().join("a.xml"), &mut report).is_some() && report.warnings.is_empty());
+}
+
+#[test]
+fn exports_in_utf16_are_read() {
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("cameras.xml");
+    let text = SURVEY.replace("UTF-8", "utf-16");
+    let units = [0xfeff].into_iter().chain(text.encode_utf16());
+    std::fs::write(&path, units.flat_map(u16::to_le_bytes).collect::<Vec<u8>>()).unwrap();
+    let found = find(folder.path(), &mut Report::default()).unwrap();
+    let source = (found.read)(&CaptureFolder::new(folder.path(), None, false).unwrap()).unwrap();
+    assert_eq!(source.num_posed(), 1);
+    std::fs::write(&path, text.replace("<chunk", "<piece")).unwrap();
+    assert!(find(folder.path(), &mut Report::default()).is_none(), "negative control");
+}

@@ -62,7 +62,8 @@ impl<'a> Values<'a> {
 /// Reads the points of a PLY file, in the file's frame. Points without colour are mid-grey.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] naming the line of the header or the vertex; [`Error::Io`].
+/// [`Error::InvalidInput`] naming the line of the header or the vertex, [`Error::Unsupported`] for compressed splats,
+/// [`Error::Io`].
 pub fn read_points(path: &Path) -> Result<Vec<SfmPoint>> {
     let data = read_file(path)?;
     let header = Header::parse(&data, path)?;
@@ -95,6 +96,7 @@ fn damaged(path: &Path, element: &Element, index: usize) -> Error {
 fn read_vertices(path: &Path, element: &Element, values: &mut Values<'_>) -> Result<Vec<SfmPoint>> {
     let column = |name: &str| element.properties.iter().position(|p| p.name == name);
     let position = ["x", "y", "z"].map(column);
+    element.check_uncompressed(path)?;
     let [Some(x), Some(y), Some(z)] = position else {
         return Err(Error::invalid(path, "element \"vertex\" lacks x, y or z"));
     };
@@ -168,6 +170,19 @@ mod tests {
             put(&[30]);
         }
         out
+    }
+
+    #[test]
+    fn compressed_splats_are_told_what_to_export() {
+        let header = |property: &str| {
+            let names = format!("property uint {property}\nproperty uint packed_rotation\nend_header\n");
+            format!("ply\nformat binary_little_endian 1.0\nelement vertex 1\n{names}").into_bytes()
+        };
+        let error = read(&header("packed_position")).unwrap_err();
+        let text = error.to_string();
+        assert!(error.exit_code() == 4 && text.contains("instead of \"Compressed PLY\""), "{text}");
+        let text = read(&header("id")).unwrap_err().to_string();
+        assert!(text.contains("lacks x, y or z"), "negative control: {text}");
     }
 
     #[test]

@@ -98,7 +98,7 @@ fn read(cameras: &Path, photos: &str, folder: &CaptureFolder) -> Result<Source> 
     }
     let total = source.num_posed() + left_out.count();
     left_out.finish_views(cameras, total, &mut source)?;
-    require_photos(&source, &photos, "name their folder with --images")?;
+    require_photos(folder, &source, &photos, "name their folder with --images")?;
     Ok(source)
 }
 

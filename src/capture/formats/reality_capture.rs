@@ -4,6 +4,7 @@
 
 use super::axes::from_opengl;
 use super::bytes::read_text;
+use super::lookup::{files, largest};
 use super::{film, points_files};
 use crate::camera::RigidTransform;
 use crate::capture::folder::CaptureFolder;
@@ -47,10 +48,10 @@ pub(crate) const FORMAT: PoseFormat = PoseFormat {
     find,
 };
 
-fn find(path: &Path, _: &mut Report) -> Option<Found> {
+fn find(path: &Path, report: &mut Report) -> Option<Found> {
     let (root, file) = match path.is_file() {
         true => (path.parent().unwrap_or(Path::new("")), Some(path).filter(|p| is_export(p))?.to_owned()),
-        false => (path, find_file(path)?),
+        false => (path, largest(exports(path), num_rows, report)?),
     };
     Some(Found::new(root, Box::new(move |folder| read(&file, folder))))
 }
@@ -63,12 +64,18 @@ fn is_export(path: &Path) -> bool {
         && head(path).lines().take(2).any(|line| header(line).is_some())
 }
 
-/// The export in a capture's folder: the first CSV file, by name, with its columns.
-fn find_file(root: &Path) -> Option<PathBuf> {
-    let mut files: Vec<PathBuf> =
-        std::fs::read_dir(root).into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path())).collect();
-    files.sort();
-    files.into_iter().find(|p| is_export(p))
+/// The exports in a capture's folder: CSV files with its columns.
+fn exports(root: &Path) -> Vec<PathBuf> {
+    files(root, "csv", 0).into_iter().filter(|p| is_export(p)).collect()
+}
+
+/// The lines of a file that are not empty; 0 if it cannot be read.
+fn num_rows(path: &Path) -> usize {
+    let has_columns = |line: &&str| header(line).is_some();
+    read_text(path).map_or(0, |text| {
+        let rows = text.lines().skip_while(|line| !has_columns(line)).skip(1);
+        rows.filter(|line| !line.trim().is_empty()).count()
+    })
 }
 
 /// The beginning of a file: tables of other programs may have any size.
@@ -77,7 +84,7 @@ fn head(path: &Path) -> String {
     let mut head = Vec::new();
     // What cannot be read is no export.
     let _ = File::open(path).and_then(|file| file.take(HEAD_BYTES).read_to_end(&mut head));
-    String::from_utf8_lossy(&head).into_owned()
+    input_file::text_of_head(&head)
 }
 
 /// Why a file that has the columns of the export cannot be read; `None` if it has others.
@@ -86,10 +93,13 @@ pub(super) fn unreadable_table(path: &Path) -> Option<&'static str> {
     let has_columns = |separator: char, text: &str| {
         text.lines().take(2).any(|line| header(&line.replace(separator, ",")).is_some())
     };
-    // Half of the bytes of such text are zero; its mark is no UTF-8.
-    let narrow: String = head.trim_start_matches('\u{fffd}').replace('\0', "");
+    // Half of the bytes of such text are zero.
+    let narrow: String = head.replace('\0', "");
     if head.contains('\0') {
-        return [',', ';', '\t'].into_iter().any(|s| has_columns(s, &narrow)).then_some("in UTF-16");
+        return [',', ';', '\t']
+            .into_iter()
+            .any(|s| has_columns(s, &narrow))
+            .then_some("in UTF-16 without a byte order mark");
     }
     let separators = [(';', "separated by semicolons"), ('\t', "separated by tabs")];
     separators.into_iter().find_map(|(separator, what)| has_columns(separator, &head).then_some(what))

@@ -23,7 +23,7 @@ use crate::text::quoted;
 use crate::{Error, Report, Result};
 use glam::DVec3;
 use roxmltree::Node;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// See [`PoseFormat`].
 pub(crate) const FORMAT: PoseFormat = PoseFormat {
@@ -59,11 +59,12 @@ fn read(folder: &CaptureFolder) -> Result<Source> {
     let mut source = Source::at(&folder.root);
     source.stated_up = Some(DVec3::Z);
     let mut left_out = LeftOut::default();
-    let beside = files(photos.path(), "xmp", DEPTH);
-    let (base, sidecars): (&Path, Vec<PathBuf>) = match beside.iter().any(|p| is_sidecar(p)) {
-        true => (photos.path(), beside),
-        false => (&folder.root, files(&folder.root, "xmp", 0)),
-    };
+    // The photos may have been moved away from their sidecars.
+    let images = folder.root.join("images");
+    let places = [(photos.path(), DEPTH), (&*images, DEPTH), (&*folder.root, 0)];
+    let found = places.map(|(base, depth)| (base, files(base, "xmp", depth)));
+    let found = found.into_iter().find(|(_, sidecars)| sidecars.iter().any(|path| is_sidecar(path)));
+    let (base, sidecars) = found.unwrap_or((&*folder.root, Vec::new()));
     let mut num_dropped = 0;
     for path in &sidecars {
         // Sidecars of other programs state no pose; one that is broken may be ours.

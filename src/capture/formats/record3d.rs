@@ -85,7 +85,7 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
     }
     let total = source.num_posed() + left_out.count();
     left_out.finish_views(path, total, &mut source)?;
-    require_photos(&source, &photos, "name their folder with --images")?;
+    require_photos(folder, &source, &photos, "name their folder with --images")?;
     Ok(source)
 }
 

@@ -127,7 +127,7 @@ fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
     );
     let total = source.num_posed() + left_out.count();
     left_out.finish_views(path, total, &mut source)?;
-    require_photos(&source, &photos, &remedy)?;
+    require_photos(folder, &source, &photos, &remedy)?;
     unused::report(&mut source);
     Ok(source)
 }

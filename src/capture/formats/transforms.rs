@@ -198,8 +198,11 @@ fn read_one(path: &Path, split: Option<Split>, folders: &Folders, source: &mut S
     source.split_by = source.split_by.take().or(uses.split_by);
     let mut use_of = vec![Use::View(None); file.frames.len()];
     named.iter().zip(uses.frames).for_each(|(&index, use_)| use_of[index] = use_);
-    // `--images images_4` replaces the leading folders of the stored paths.
-    let photos = folder.images.clone().unwrap_or_else(|| folder.photos(""));
+    // `--images images_4` replaces the leading folders of the stored paths; photos that were moved to `images` are found there.
+    let photos = match &folder.images {
+        Some(images) => vec![images.clone()],
+        None => ["", "images"].map(|inside| folder.photos(inside)).to_vec(),
+    };
     for (index, frame) in file.frames.iter().enumerate() {
         let name = frame.name.as_deref().unwrap_or_default();
         let listed = match use_of[index] {
@@ -240,7 +243,7 @@ fn view(
     element: &str,
     of_file: &Intrinsics,
     folders: &Folders,
-    photos: &PhotoFolder,
+    photos: &[PhotoFolder],
 ) -> Result<Result<SourceView, Unusable>> {
     let broken = |problem: String| Ok(Err(Unusable::Broken(problem)));
     let stated = match &frame.stated {
@@ -251,7 +254,12 @@ fn view(
         Ok(pose) => pose,
         Err(problem) => return broken(format!("transform_matrix: {problem}")),
     };
-    let Some(photo) = photos.find(&plain(&stated.file_path))? else {
+    let stored = plain(&stated.file_path);
+    let mut found = None;
+    for folder in photos {
+        found = found.or(folder.find(&stored)?);
+    }
+    let Some(photo) = found else {
         return Ok(Err(Unusable::NoPhoto));
     };
     let lens = match stated.intrinsics.or(of_file).lens(path, element, &photo)? {

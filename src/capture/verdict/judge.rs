@@ -46,7 +46,8 @@ const MASKED_SHARE: f64 = 0.9;
 
 /// What is wrong with a capture of these figures: at most three reasons, the worst first.
 pub(super) fn reasons(figures: &Figures) -> Vec<Reason> {
-    let all = [photos, views, place, overlap, blurred, registered, exposure, poses, far, masks];
+    let all =
+        [photos, unusable_masks, views, place, overlap, blurred, registered, exposure, poses, far, masks];
     let mut found: Vec<Reason> = all.into_iter().filter_map(|rule| rule(figures)).collect();
     // Stable: of equal ones the first rule's comes first.
     found.sort_by_key(|reason| std::cmp::Reverse(reason.rating));
@@ -71,6 +72,11 @@ fn above(value: f64, [usable, again]: [f64; 2]) -> Option<Rating> {
 fn photos(figures: &Figures) -> Option<Reason> {
     let found = figures.unreadable.clone()?;
     reason("unreadable-photos", ShootAgain, found, "replace the file, or remove it and its pose")
+}
+
+fn unusable_masks(figures: &Figures) -> Option<Reason> {
+    let found = figures.unreadable_mask.clone()?;
+    reason("unreadable-masks", ShootAgain, found, "replace the mask, or remove it: all pixels count then")
 }
 
 fn views(figures: &Figures) -> Option<Reason> {

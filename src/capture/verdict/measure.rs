@@ -47,6 +47,8 @@ pub struct Figures {
     pub masked_share: Option<f64>,
     /// The first photo that cannot be decoded, and why.
     pub unreadable: Option<String>,
+    /// The first mask that cannot be used, and why.
+    pub unreadable_mask: Option<String>,
 }
 
 /// What one photo shows.
@@ -58,13 +60,26 @@ struct Look {
     masked_share: Option<f64>,
 }
 
+/// A photo or a mask that cannot be used.
+struct Unreadable {
+    why: String,
+    is_mask: bool,
+}
+
 /// Measures a capture.
 pub(super) fn of(capture: &Capture) -> Figures {
     let num_views = capture.num_views();
     let num = num_views.min(PHOTOS_MAX);
     let chosen: Vec<usize> = (0..num).map(|i| (2 * i + 1) * num_views / (2 * num)).collect();
-    let looks: Vec<Result<Look, String>> = chosen.par_iter().map(|&view| look(capture, view)).collect();
-    let unreadable = looks.iter().find_map(|look| look.as_ref().err().cloned());
+    let looks: Vec<Result<Look, Unreadable>> = chosen.par_iter().map(|&view| look(capture, view)).collect();
+    let unreadable = |is_mask: bool| {
+        let mut found = looks.iter().filter_map(|look| look.as_ref().err());
+        found.find(|unreadable| unreadable.is_mask == is_mask).map(|unreadable| unreadable.why.clone())
+    };
+    // Of a damaged photo that is not among those decoded, loading the capture warned.
+    let mut warnings = capture.report.warnings.iter();
+    let warned = || warnings.find(|warning| warning.code == "photos-unreadable").map(|w| w.message.clone());
+    let (unreadable, unreadable_mask) = (unreadable(false).or_else(warned), unreadable(true));
     let mut looks: Vec<Look> = looks.into_iter().map(Result::unwrap_or_default).collect();
     let sharpness: Vec<_> = looks.iter().map(|look| look.sharpness).collect();
     let detail: Vec<_> = looks.iter_mut().map(|look| std::mem::take(&mut look.detail)).collect();
@@ -91,11 +106,16 @@ pub(super) fn of(capture: &Capture) -> Figures {
         exposure_stops: exposure::spread_stops(&seen),
         masked_share,
         unreadable,
+        unreadable_mask,
     }
 }
 
-fn look(capture: &Capture, view: usize) -> Result<Look, String> {
-    let decoded = capture.store.look(view).map_err(|error| capture.name_archive(error).to_string())?;
+fn look(capture: &Capture, view: usize) -> Result<Look, Unreadable> {
+    let decoded = capture.store.look(view).map_err(|error| {
+        let mask = capture.store.recipe(view).mask.as_deref();
+        let is_mask = mask.is_some() && error.path() == mask;
+        Unreadable { why: capture.name_archive(error).to_string(), is_mask }
+    })?;
     let observed = &capture.observed[view];
     let local_from_capture = capture.capture_from_local.inverse();
     // The same points in all photos, so that they can be compared.

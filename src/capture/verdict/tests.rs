@@ -53,6 +53,7 @@ fn each_fault_has_its_reason_and_good_figures_have_none() {
         ("far-cameras", usable, Figures { far_cameras: 2, ..good() }),
         ("masks", usable, Figures { masked_share: Some(0.95), ..good() }),
         ("unreadable-photos", again, Figures { unreadable: Some("a.jpg".into()), ..good() }),
+        ("unreadable-masks", again, Figures { unreadable_mask: Some("a.png".into()), ..good() }),
     ] {
         let reasons = judge::reasons(&figures);
         assert_eq!(reasons.iter().map(|r| (r.code, r.rating)).collect::<Vec<_>>(), [(code, rating)]);
