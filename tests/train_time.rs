@@ -116,7 +116,7 @@ fn run_within(
     let views: MemoryViews = photos(&scene);
     let secs = Cell::new(gone);
     let now = || secs.get();
-    let costs = StepCosts { fixed_secs: 1.0, secs_per_pixel: 1e-9, secs_per_splat: 1e-9 };
+    let costs = StepCosts { fixed_secs: 1.0, secs_per_pixel: 1e-9, secs_per_splat: 1e-9, ..StepCosts::CPU };
     let timing = Timing { now: &now, deadline_secs: Some(deadline_secs), most_steps, costs, end_secs: 1.0 };
     let mut backend =
         Timed { inner: CpuBackend::new(Some(2)).unwrap(), secs: &secs, step_secs, done: start.step };

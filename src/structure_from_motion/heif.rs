@@ -28,7 +28,7 @@ pub fn read(file: &[u8]) -> Option<HeifHeader> {
     let own = all.associations(all.find(properties, b"ipma")?, primary)?;
     let own = own.into_iter().filter_map(|index| known.get(index.checked_sub(1)?));
     let number = |at| u32::try_from(all.uint(at, 4)?).ok();
-    let stored = own.clone().filter(|(kind, _)| *kind == b"ispe").last();
+    let stored = own.clone().rfind(|(kind, _)| *kind == b"ispe");
     let mut size = stored.and_then(|(_, at)| Some((number(at.start + 4)?, number(at.start + 8)?)));
     // Crops and turns apply in the order in which they are listed.
     for (kind, at) in own {
