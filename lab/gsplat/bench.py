@@ -5,8 +5,8 @@
 
 The capture is a COLMAP model of one camera without distortion (sparse/0, binary) with its photos in images; every eighth view
 is held out. The recipe is that of gsplat's own trainer with its MCMC preset, its schedules scaled to the steps. Only the
-training is timed. Writes the held-out views to OUT/views and the photos, at their size and under the same names, to OUT/photos, for
-`litetex compare OUT/views OUT/photos`; prints one line of JSON. Needs an NVIDIA GPU and the packages gsplat 1.5.3, torch, numpy,
+training is timed. Writes the held-out views to OUT/views and the photos, at their size and under the same names, to
+OUT/photos, for `litetex compare OUT/views OUT/photos`; prints one line of JSON. Needs an NVIDIA GPU and the packages gsplat 1.5.3, torch, numpy,
 scipy and Pillow; takes SSIM from fused-ssim, as that trainer does, where it is installed.
 """
 
@@ -104,7 +104,8 @@ def load_scene(capture, max_resolution):
         images.append(image)
 
     # The world is moved and scaled as gsplat's trainer does (`normalize_world_space`); a rotation changes nothing.
-    rotation, centres = camera_from_world[:, :3, :3], -np.einsum("nji,nj->ni", camera_from_world[:, :3, :3], camera_from_world[:, :3, 3])
+    rotation = camera_from_world[:, :3, :3]
+    centres = -np.einsum("nji,nj->ni", rotation, camera_from_world[:, :3, 3])
     ahead = rotation[:, 2, :]
     nearest = centres - (centres * ahead).sum(1, keepdims=True) * ahead
     middle = np.median(nearest, axis=0)

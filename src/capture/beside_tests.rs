@@ -326,7 +326,7 @@ fn of_several_pose_files_the_largest_is_read_and_the_others_are_named() {
     let capture = load(folder.path()).unwrap();
     assert_eq!(capture.views.len(), 12);
     let message = warning(&capture, "several-pose-files", 1);
-    assert!(message.contains("cameras.csv, which has the most cameras (12)"), "{message}");
+    assert!(message.contains("cameras.csv (12 cameras)"), "{message}");
     assert!(message.contains("a.csv (5)") && !message.contains("b.csv"), "{message}");
     let capture = load(&folder.path().join("a.csv")).unwrap();
     assert_eq!((capture.views.len(), has_warning(&capture, "several-pose-files")), (5, false));

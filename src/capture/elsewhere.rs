@@ -39,7 +39,7 @@ pub(super) fn advice(path: &Path, wanted: &dyn Fn(&CaptureFormat) -> bool) -> Op
     let photos = match only.join("images").is_dir() || path.starts_with(only) {
         true => Vec::new(),
         false if images.is_dir() => vec![images],
-        false => photos_apart(path, only),
+        false => folders_of_photos(path, only),
     };
     let images = match &photos[..] {
         [] => String::new(),
@@ -50,7 +50,7 @@ pub(super) fn advice(path: &Path, wanted: &dyn Fn(&CaptureFormat) -> bool) -> Op
 }
 
 /// The folders with photos, where none are with the poses.
-fn photos_apart(path: &Path, poses: &Path) -> Vec<PathBuf> {
+fn folders_of_photos(path: &Path, poses: &Path) -> Vec<PathBuf> {
     let has_photos = |folder: &Path| {
         let mut entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
         entries.any(|entry| is_read(&entry.path()) && !is_hidden(&entry.file_name()))

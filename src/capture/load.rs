@@ -237,7 +237,7 @@ fn find_poses(
         match advice {
             Some(advice) if is_elsewhere => invalid!(path, "no poses found here: {advice}"),
             Some(advice) => {
-                invalid!(path, "no poses found: {advice}\nPoses are read of these forms: {files}")
+                invalid!(path, "no poses found: {advice}\nPoses are read from: {files}")
             }
             None => invalid!(path, "no poses found; expected {files} here"),
         }

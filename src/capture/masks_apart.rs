@@ -1,7 +1,7 @@
 //! Masks that lie where none are looked for without `--masks`.
 
 use super::folder::CaptureFolder;
-use super::paths::{has_word, is_hidden};
+use super::paths::{has_word, is_hidden, normal};
 use super::photo_folder::PhotoFolder;
 use super::photos_near;
 use super::source::SourceView;
@@ -16,7 +16,7 @@ const WORDS: [&str; 8] =
 
 /// Names the folder with most masks of the views of a capture that uses none.
 pub(super) fn warn(folder: &CaptureFolder, photos: &PhotoFolder, views: &[SourceView], report: &mut Report) {
-    let own: HashSet<&Path> = views.iter().map(SourceView::photo_path).collect();
+    let own: HashSet<PathBuf> = views.iter().map(|view| normal(view.photo_path())).collect();
     let is_of_masks = |path: &Path| {
         path != folder.root && path.file_name().is_some_and(|name| has_word(&name.to_string_lossy(), &WORDS))
     };
@@ -24,10 +24,12 @@ pub(super) fn warn(folder: &CaptureFolder, photos: &PhotoFolder, views: &[Source
     // Beside photos, only what is called a mask is one.
     places.push(photos.path().to_owned());
     places.extend(views.first().and_then(|view| view.photo_path().parent()).map(Path::to_owned));
+    let mut seen = HashSet::new();
+    places.retain(|place| seen.insert(normal(place)));
     let count = |place: &PathBuf| {
         let masks = PhotoFolder { path: place.clone(), is_deep: *place != folder.root, ..photos.clone() };
         let is_mask = |view: &&SourceView| {
-            let found = masks.find_mask(&view.name, &|path| own.contains(path)).ok().flatten();
+            let found = masks.find_mask(&view.name, &|path| own.contains(&normal(path))).ok().flatten();
             found.is_some_and(|found| is_of_masks(place) || is_called_mask(&found))
         };
         views.iter().filter(is_mask).count()

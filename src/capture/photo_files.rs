@@ -4,7 +4,7 @@ use super::claims;
 use super::folder::CaptureFolder;
 use super::masks_apart;
 use super::options::LoadOptions;
-use super::paths::{is_inside, is_there};
+use super::paths::{is_inside, is_there, normal};
 use super::photo_folder::{Match, PhotoFolder};
 use super::photos_apart;
 use super::source::{Source, SourceView, UnusedView, Why, first_names, first_paths};
@@ -168,8 +168,9 @@ pub(super) fn find_masks(
         view.mask = view.mask.take().filter(|mask| is_there(mask));
     }
     if let Some(masks) = &masks {
-        let own: HashSet<&Path> = source.views.iter().map(|view| view.photo_path()).collect();
-        let is_photo = |path: &Path| own.contains(path);
+        // Names may lead out of the folder and back.
+        let own: HashSet<PathBuf> = source.views.iter().map(|view| normal(view.photo_path())).collect();
+        let is_photo = |path: &Path| own.contains(&normal(path));
         let found: Vec<Option<Match>> =
             source.views.iter().map(|view| masks.find_mask(&view.name, &is_photo)).collect::<Result<_>>()?;
         let (views, claims): (Vec<usize>, Vec<&Match>) =

@@ -159,7 +159,9 @@ impl PhotoFolder {
 
     /// The photos of a stem in a folder and those in it.
     fn stems_inside(&self, folder: &Path, stem: &str) -> Vec<PathBuf> {
-        self.listings.deep(folder).get(&stem.to_lowercase()).cloned().unwrap_or_default()
+        let listing = self.listings.deep(folder);
+        let found = listing.get(&stem.to_lowercase()).into_iter().flatten();
+        found.filter(|path| is_there(path)).cloned().collect()
     }
 
     /// As [`Self::find`], of the whole path only.
@@ -180,10 +182,11 @@ impl PhotoFolder {
 
     fn at(&self, name: &str) -> Option<Match> {
         let bare = without_extension(name);
+        let any = |_: &Path| false;
         self.exact(name, name)
             // A name that is whole has no further extension: `a.jpg.png` is the mask of `a.jpg`.
-            .or_else(|| (!extensions::is_whole(name)).then(|| self.with_stem(name, name)).flatten())
-            .or_else(|| (bare != name).then(|| self.with_stem(bare, name)).flatten())
+            .or_else(|| (!extensions::is_whole(name)).then(|| self.with_stem(name, name, &any)).flatten())
+            .or_else(|| (bare != name).then(|| self.with_stem(bare, name, &any)).flatten())
     }
 
     fn exact(&self, file: &str, asked: &str) -> Option<Match> {
@@ -192,7 +195,7 @@ impl PhotoFolder {
     }
 
     /// The photo of a stem: the one whose name differs least from the one asked for, and of the extension that comes first.
-    fn with_stem(&self, stem: &str, asked: &str) -> Option<Match> {
+    fn with_stem(&self, stem: &str, asked: &str, is_excluded: &dyn Fn(&Path) -> bool) -> Option<Match> {
         // Of "." and "..", which a file's name may end in, the path would name another folder.
         Path::new(stem).file_name()?;
         let wanted = self.path.join(stem);
@@ -209,8 +212,9 @@ impl PhotoFolder {
             (Misfit { folders: 0, extension: is_other, case }, place, name.clone())
         };
         let listing = self.listings.of(folder);
+        let counts = |path: &Path| is_there(path) && !is_excluded(path);
         let photos = listing.get(&wanted_name.to_lowercase())?.iter();
-        let (misfit, _, name) = photos.filter(|name| is_there(&folder.join(name))).map(misfit).min()?;
+        let (misfit, _, name) = photos.filter(|name| counts(&folder.join(name))).map(misfit).min()?;
         Some(Match { path: folder.join(name), asked: asked.to_owned(), misfit })
     }
 
@@ -251,15 +255,16 @@ impl PhotoFolder {
         let ways: [&dyn Fn() -> Option<Match>; 5] = [
             &|| self.exact(&format!("{name}.png"), name),
             &|| self.exact(name, name),
-            &|| self.with_stem(name, name),
-            &|| self.at(name),
-            &|| self.with_stem(&format!("{}_mask", without_extension(name)), name),
+            &|| self.with_stem(name, name, is_photo),
+            &|| self.with_stem(without_extension(name), name, is_photo),
+            &|| self.with_stem(&format!("{}_mask", without_extension(name)), name, is_photo),
         ];
         ways.into_iter().find_map(|way| way().filter(|found| !is_photo(found)))
     }
 }
 
-/// A photo in a folder inside the one that the name leads to.
+/// A photo in a folder inside the one that the name leads to. It counts as of another extension, so that a file to which the
+/// name itself leads fits better.
 fn inside(path: &Path, asked: &str) -> Match {
     let misfit = Misfit { folders: 1, extension: true, case: false };
     Match { path: path.to_owned(), asked: asked.to_owned(), misfit }

@@ -11,8 +11,9 @@ use std::path::{Path, PathBuf};
 /// Views whose photos are looked for: those of a few are proof enough.
 const NUM_ASKED: usize = 50;
 
-/// Steps between these, modulo their number: even ones may fall on the photos of one camera of several.
-const STEP: usize = 7919;
+/// Step from one name asked for to the next, modulo their number, of which this prime is no divisor: names at even distances
+/// may all be of one camera of several.
+const STEP: usize = 1_000_003;
 
 /// The folder inside that holds most photos of these names, and more than half of those asked for, with the others if there
 /// are several; a blank before it, nothing if there is none.

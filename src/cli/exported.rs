@@ -103,7 +103,7 @@ impl Exported {
     }
 
     /// What the scene's textures were good for, and how to train without them, as a line; `None` where none are lost. The test PSNRs
-    /// are those of the row; without photos there is an estimate from other views.
+    /// are those of the row; without test photos, an estimate is made at other views.
     fn lost_textures(&self) -> Option<String> {
         self.loses_textures.then(|| {
             let cost = |loss_db: f64| match self.on_test_photos {

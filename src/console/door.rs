@@ -14,7 +14,7 @@ use std::process::ExitCode;
 
 /// A program with commands.
 pub trait Program: CommandFactory + FromArgMatches {
-    /// Options that do not exist or are given values that do not, and what their users may look for.
+    /// Tips for options that do not exist or have a wrong value: the option, and what its user may have wanted.
     const TIPS: &'static [(&'static str, &'static str)] = &[];
 
     /// The options that all its commands have.

@@ -57,7 +57,11 @@ fn name_of(capture: &Path) -> String {
     if let Some(folder) = path.parent().filter(|_| !is_archive && resolved.is_file()) {
         return name_of(folder);
     }
+    // A folder of this name may also hold captures.
+    let is_model =
+        |folder: &Path| ["images.bin", "images.txt"].iter().any(|file| folder.join(file).is_file());
     let sparse = path.ancestors().take(2).find(|folder| folder.ends_with("sparse"));
+    let sparse = sparse.filter(|_| is_model(&path) || is_model(&path.join("0")));
     if let Some(folder) = sparse.and_then(Path::parent) {
         return name_of(folder);
     }

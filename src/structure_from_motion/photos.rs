@@ -142,7 +142,7 @@ impl Photo {
         Ok(atomic_file::write(&to, &bytes)?)
     }
 
-    /// The photo as another program decodes it, which may write several images of one file, numbered; `folder` does not stay.
+    /// The photo as another program decodes it, which may write several images of one file, numbered, in a `folder` of its own.
     fn decoded(
         &self,
         folder: &Path,
@@ -151,6 +151,10 @@ impl Photo {
         observer: &dyn Observer,
     ) -> Result<DynamicImage> {
         let of_folder = |e| Error::io(folder, e);
+        // An interrupted run may have left images of another file.
+        if folder.exists() {
+            std::fs::remove_dir_all(folder).map_err(of_folder)?;
+        }
         std::fs::create_dir_all(folder).map_err(of_folder)?;
         let command = tools.heif_command(&self.file, &folder.join("image.png"));
         command.run(log, observer, |_| {}).map_err(|e| match e {
@@ -160,10 +164,17 @@ impl Photo {
         let entries = std::fs::read_dir(folder).map_err(of_folder)?;
         let mut files: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
         files.sort_by_key(|file| (file.as_os_str().len(), file.clone()));
-        let images = files.iter().map(|file| open(file)).collect::<Result<Vec<_>>>()?;
+        let (mut sizes, mut photo) = (Vec::new(), None);
+        for file in &files {
+            let image = open(file)?;
+            sizes.push(format!("{} x {}", image.width(), image.height()));
+            if (image.width(), image.height()) == self.size {
+                photo = Some(image);
+                break;
+            }
+        }
         std::fs::remove_dir_all(folder).map_err(of_folder)?;
-        let sizes: Vec<String> = images.iter().map(|i| format!("{} x {}", i.width(), i.height())).collect();
-        images.into_iter().find(|image| (image.width(), image.height()) == self.size).ok_or_else(|| {
+        photo.ok_or_else(|| {
             unsupported!(
                 &self.file,
                 "{} decoded {} px of a photo of {} x {}, so it does not know all of this format: update it, or export \

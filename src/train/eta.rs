@@ -8,8 +8,8 @@ use super::step_costs::StepCosts;
 /// The weight of a measured time falls by a factor of e over this share of the run's steps.
 const MEMORY_SHARE: f64 = 0.03;
 
-/// Time of the renders of a round of pruning before one is measured, in steps on full images for each view that it probes. Measured: 1.6
-/// (fox, 270 x 480), 2.2 (flower, 480 x 360), 0.9 (fox, 1067 x 1899, no budget).
+/// Time of the renders of a round of pruning before one is measured, in steps on full images for each view that it
+/// probes. Measured: 1.6 (fox, 270 x 480), 2.2 (flower, 480 x 360), 0.9 (fox, 1067 x 1899, no budget).
 const ROUND_STEPS_PER_PROBE: f64 = 1.6;
 
 /// Time of the renders of a density-control step before one is measured, in steps on full images (fox, 270 x 480: 0.3 to 0.8).

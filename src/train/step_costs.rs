@@ -1,5 +1,5 @@
-//! What a training step costs, by pixels and splats, and what density control costs beside its renders. The constants only share out what is measured while a run goes on;
-//! before it, they are all that is known.
+//! What a training step costs, by pixels and splats, and what density control costs beside its renders. The constants only
+//! share out what is measured while a run goes on; before it, they are all that is known.
 
 /// Seconds that a step takes, and density control on the host.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -42,7 +42,7 @@ pub(crate) fn largest(
         let best = (0..files.len()).rev().max_by_key(|&index| counts[index]).unwrap_or(0);
         let others = (0..files.len()).filter(|&index| index != best);
         let what = format!(
-            "{} files of poses; using {}, which has the most cameras ({}); ignoring {}: name another in place of the folder",
+            "{} pose files; using {} ({} cameras), ignoring {}; to use another, name the file in place of the folder",
             files.len(),
             text::path(&files[best]),
             counts[best],

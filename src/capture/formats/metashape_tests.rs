@@ -372,7 +372,7 @@ fn of_several_exports_the_one_with_the_most_cameras_is_read() {
     assert!(source.path.ends_with("b.xml"), "{:?}", source.path);
     let warned = &report.warnings[0];
     assert_eq!((&*warned.code, warned.count), ("several-pose-files", 2));
-    assert!(warned.message.contains("b.xml, which has the most cameras (2)"), "{}", warned.message);
+    assert!(warned.message.contains("b.xml (2 cameras)"), "{}", warned.message);
     assert!(warned.message.contains("a.xml (1)") && warned.message.contains("c.xml (1)"));
     let mut report = Report::default();
     assert!(find(&folder.path().join("a.xml"), &mut report).is_some() && report.warnings.is_empty());

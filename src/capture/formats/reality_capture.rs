@@ -69,7 +69,7 @@ fn exports(root: &Path) -> Vec<PathBuf> {
     files(root, "csv", 0).into_iter().filter(|p| is_export(p)).collect()
 }
 
-/// The lines of a file that are not empty; 0 if it cannot be read.
+/// The rows below the header of a table, one a camera; 0 if it cannot be read.
 fn num_rows(path: &Path) -> usize {
     let has_columns = |line: &&str| header(line).is_some();
     read_text(path).map_or(0, |text| {

@@ -257,7 +257,10 @@ fn view(
     let stored = plain(&stated.file_path);
     let mut found = None;
     for folder in photos {
-        found = found.or(folder.find(&stored)?);
+        found = folder.find(&stored)?;
+        if found.is_some() {
+            break;
+        }
     }
     let Some(photo) = found else {
         return Ok(Err(Unusable::NoPhoto));
