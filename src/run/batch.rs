@@ -179,12 +179,14 @@ mod tests {
         .map(file)
         .to_vec();
         captures.push(dir.path().join("elf/sparse/0"));
-        // Negative control: a folder has its own name, whatever it looks like.
-        captures.push(dir.path().join("cams.json"));
-        std::fs::create_dir_all(captures.last().unwrap()).unwrap();
+        // Negative controls: a folder has its own name, whatever it looks like.
+        for folder in ["cams.json", "sparse/wolf"] {
+            captures.push(dir.path().join(folder));
+            std::fs::create_dir_all(captures.last().unwrap()).unwrap();
+        }
         let names: Vec<String> =
             batch_runs(&captures, Path::new("runs")).into_iter().map(|run| run.name).collect();
-        assert_eq!(names, ["fox", "toy", "fox-2", "elf", "bear", "toy-2", "elf-2", "cams.json"]);
+        assert_eq!(names, ["fox", "toy", "fox-2", "elf", "bear", "toy-2", "elf-2", "cams.json", "wolf"]);
     }
 
     #[test]
