@@ -130,7 +130,7 @@ fn files(files: &[FileFigures]) -> String {
             .on_test_photos
             .map_or_else(|| "-".to_owned(), |[before, after]| format!("{before:.2} \u{2192} {after:.2} dB"));
         let note = if file.untextured { " (without textures)" } else { "" };
-        // Test PSNRs say better than an estimate what the textures were worth.
+        // Test PSNRs say better than an estimate what is lost with the textures.
         let lost = match file.on_test_photos {
             Some(_) if file.untextured => "textures".to_owned(),
             _ => format!("{:.3} dB", file.loss_db),
