@@ -14,7 +14,7 @@ use super::{
 };
 use crate::camera::up;
 use crate::views::Split;
-use crate::{Error, Report, Result};
+use crate::{Error, Report, Result, input_file};
 use litetex_exporters::unknown_kind;
 use std::path::Path;
 
@@ -46,6 +46,7 @@ impl Capture {
 
 fn load(path: &Path, options: &LoadOptions) -> Result<Capture> {
     check(options)?;
+    input_file::check_exists(path)?;
     if !zipped::is_archive(path) {
         return load_folder(path, options, None);
     }
@@ -68,9 +69,6 @@ fn load(path: &Path, options: &LoadOptions) -> Result<Capture> {
 }
 
 fn load_folder(path: &Path, options: &LoadOptions, archive: Option<&Unpacked>) -> Result<Capture> {
-    if !path.exists() {
-        return Err(Error::invalid(path, "no such file or folder; expected the folder of a capture"));
-    }
     let mut report = Report::default();
     let (format, found) = find_poses(path, options, archive.is_some(), &mut report)?;
     let folder = CaptureFolder::new(&found.root, options.images.as_deref(), archive.is_some())?;

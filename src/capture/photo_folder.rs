@@ -271,7 +271,7 @@ fn inside(path: &Path, asked: &str) -> Match {
 }
 
 /// The ends of a path with slashes, longest first, and how many folders each lacks.
-fn ends(name: &str) -> impl Iterator<Item = (usize, &str)> {
+pub(super) fn ends(name: &str) -> impl Iterator<Item = (usize, &str)> {
     let starts: Vec<usize> = name.match_indices('/').map(|(at, _)| at + 1).collect();
     let first = starts.len().saturating_sub(ENDS_MAX);
     let ends = starts.into_iter().enumerate().skip(first).map(|(i, at)| (i + 1, &name[at..]));

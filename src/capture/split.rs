@@ -39,13 +39,13 @@ fn listed(source: &Source, list: &Path, report: &mut Report) -> Result<Vec<Split
     let text = input_file::read_text(list, LIST_BYTES_MAX)?;
     let names: Vec<&str> =
         text.lines().map(str::trim).filter(|l| !l.is_empty() && !l.starts_with('#')).collect();
-    let by_name = ByName::new(&source.views);
+    let known = ListedViews::new(&source.views);
     // The extension of a photo that was not looked for is not known.
     let stem_of = |name: &str| without_extension(&plain(name)).to_lowercase();
     let unused: HashMap<String, &UnusedView> = source.unused.iter().map(|v| (stem_of(&v.name), v)).collect();
     let (mut unknown, mut left_out, mut listed) = (Vec::new(), Vec::new(), BTreeSet::<usize>::new());
     for &name in &names {
-        let found = by_name.find(name);
+        let found = known.find(name);
         listed.extend(found);
         if found.is_empty() {
             let named =
@@ -69,13 +69,14 @@ fn listed(source: &Source, list: &Path, report: &mut Report) -> Result<Vec<Split
 }
 
 /// Views by the names that a list may give them: with or without extension, in any case where that leaves one view.
+/// Lists of pose files may be of other copies of the photos; the user's is of these, so folders and another extension count.
 #[derive(Default)]
-struct ByName {
+struct ListedViews {
     exact: HashMap<String, Vec<usize>>,
     folded: HashMap<String, Vec<usize>>,
 }
 
-impl ByName {
+impl ListedViews {
     fn new(views: &[SourceView]) -> Self {
         let mut by_name = Self::default();
         for (index, view) in views.iter().enumerate() {

@@ -3,10 +3,10 @@
 use super::capture_args::WholeCaptureArgs;
 use super::schedule_args::ScheduleFlags;
 use super::schedule_report::ScheduleReport;
+use litetex_gs::Result;
 use litetex_gs::capture::{Capture, LoadOptions};
 use litetex_gs::console::values::whole;
 use litetex_gs::console::{Log, Output};
-use litetex_gs::{Result, input_file};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -33,7 +33,6 @@ pub fn run(args: &ScheduleArgs, log: &Log) -> Result<Output> {
     args.capture_args.apply(&mut load);
     let options = args.schedule_flags.options();
     options.check()?;
-    input_file::check_exists(&args.capture)?;
     let capture = Capture::load(&args.capture, &load)?;
     log.report(&capture.report);
     let report = ScheduleReport::new(&args.capture, &capture, args.steps, options)?;

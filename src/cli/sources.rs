@@ -8,7 +8,7 @@ use litetex_gs::console::device;
 use litetex_gs::memory::machine_bytes;
 use litetex_gs::run::{RUN_OR_CHECKPOINT, Trained, is_checkpoint};
 use litetex_gs::verify::BakedScene;
-use litetex_gs::{Report, Result, input_file, usage};
+use litetex_gs::{Report, Result, usage};
 use std::path::Path;
 
 /// A backend that holds a trained scene.
@@ -143,10 +143,7 @@ pub fn open_photos(
         (Some(trained), _) if named.is_some() || trained.config.data().is_ok_and(Path::is_dir) => {
             trained.open_capture(named)?
         }
-        (None, Some(folder)) => {
-            input_file::check_exists(folder)?;
-            Capture::load(folder, &load_options(scene))?
-        }
+        (None, Some(folder)) => Capture::load(folder, &load_options(scene))?,
         _ => return Ok(None),
     };
     log.report(&capture.report);

@@ -18,7 +18,7 @@ use litetex_gs::run::{Recorder, ResourceEstimate, Summary, Workload, fresh_state
 use litetex_gs::text::{counted, shell_word};
 use litetex_gs::train::{MOST_STEPS, Schedule, StopReason, Timing, TrainState, check_limits, train_by};
 use litetex_gs::views::{Split, ViewSource as _};
-use litetex_gs::{Error, Report, Result, input_file};
+use litetex_gs::{Error, Report, Result};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
@@ -101,7 +101,6 @@ pub struct FinishedRun {
 pub fn train_run(args: &TrainArgs, log: &Log) -> Result<FinishedRun> {
     let started = Instant::now();
     let mut job = TrainJob::plan(args)?;
-    input_file::check_exists(job.config.data()?)?;
     let mut capture = Capture::load(job.config.data()?, &job.config.capture)?;
     log.report(&capture.report);
     log.info(&capture.held_out());

@@ -10,9 +10,10 @@ use crate::{Error, Result};
 
 /// Longer sides of the images of the trial, pixels: costs grow linearly with the pixels between and beyond them.
 const SIDES_PX: [f64; 2] = [120.0, 480.0];
-/// Where a step on the larger image takes less, the capture's own size is tried, too: so few pixels do not occupy a GPU.
-/// Measured: an H100 takes 3 ms for 480 pixels, two CPU cores 60 ms.
+/// Where a step on the larger image takes less, a third size is tried: so few pixels do not occupy a GPU. It is that of most
+/// trainings, so no trial fails on a device that could train. Measured: an H100 takes 3 ms for 480 pixels, two CPU cores 60 ms.
 const FAST_STEP_SECS: f64 = 0.02;
+const FAST_SIDE_PX: f64 = 1600.0;
 /// Steps at each size, after one that does not count.
 const STEPS: u32 = 3;
 
@@ -82,7 +83,7 @@ pub fn measure(
     let (.., few) = secs_at(backend, 0, small.max(2.0))?;
     let (mut camera, mut target, mut many) = secs_at(backend, 1, large.max(1.0))?;
     if many.1 < FAST_STEP_SECS && large > 1.0 {
-        (camera, target, many) = secs_at(backend, 2, 1.0)?;
+        (camera, target, many) = secs_at(backend, 2, (longer / FAST_SIDE_PX).max(1.0))?;
     }
     let began = now();
     let options = super::trained::render_options(model, config.background, false);

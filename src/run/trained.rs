@@ -13,7 +13,7 @@ use crate::train::checkpoint;
 use crate::verify::{
     CaptureIdentity, PSNR_TEST, bake_checkpoint, cameras_from_strings, metric_from_strings, up_from_strings,
 };
-use crate::{Error, Report, Result, input_file};
+use crate::{Error, Report, Result};
 use litetex_exporters::{AssetCamera, METRES, Provenance, SplatAsset, UNKNOWN_SCALE};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -84,7 +84,6 @@ impl Trained {
             Some(path) => path,
             None => self.config.data()?,
         };
-        input_file::check_exists(path)?;
         let capture = Capture::load(path, &self.config.capture)?;
         self.identity.check_frame(&CaptureIdentity::new(&capture, capture.capture_from_local))?;
         Ok(capture)

@@ -5,10 +5,11 @@ use crate::Result;
 use crate::capture::folder::CaptureFolder;
 use crate::capture::left_out::checked_points;
 use crate::capture::paths::plain;
+use crate::capture::photo_folder::ends;
 use crate::capture::source::{Source, first_paths};
 use crate::text;
 use serde_json::Value;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
 /// Reads the points that the pose file at `path` names with its `ply_file_path`. Without them the capture can be used all the same.
 ///
@@ -64,9 +65,7 @@ pub(super) fn read_named(
 /// The file of a path on another computer, as photos are found: the longest end that is there.
 fn end_that_is_there(folder: &CaptureFolder, stated: &str) -> Option<PathBuf> {
     let path = plain(stated);
-    let is_plain = |end: &&str| Path::new(end).components().all(|part| matches!(part, Component::Normal(_)));
-    let mut ends = path.match_indices('/').map(|(at, _)| &path[at + 1..]).filter(|end| !end.is_empty());
-    ends.find_map(|end| Some(folder.root.join(Some(end).filter(is_plain)?)).filter(|file| file.is_file()))
+    ends(&path).map(|(_, end)| folder.root.join(end)).find(|file| file.is_file())
 }
 
 /// Reads the first of the files of these names, in lower case and without extension, in a folder where clouds of such names
