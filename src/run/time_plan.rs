@@ -84,12 +84,12 @@ pub fn expected_secs(
     (done, splats): (u32, usize),
 ) -> f64 {
     let train = capture.indices(Split::Train);
-    let pixels: f64 = train.iter().map(|&view| capture.camera(view).pinhole.num_pixels() as f64).sum();
     let views = train.len().max(1) as f64;
+    let pixels =
+        train.iter().map(|&view| capture.camera(view).pinhole.num_pixels() as f64).sum::<f64>() / views;
     let schedule = Schedule::of_run(config, train.len(), u32::MAX);
-    let size = ExpectedSize::new(config, &schedule, splats);
-    let course =
-        Course { costs, size, pixels: pixels / views, probes: views.min(MOST_PROBES), end_secs: 0.0 };
+    let size = ExpectedSize::new(config, &schedule, splats, pixels);
+    let course = Course { costs, size, pixels, probes: views.min(MOST_PROBES), end_secs: 0.0 };
     course_secs(&course, config, &schedule, (done, splats))
 }
 
@@ -123,7 +123,7 @@ impl Situation {
             FILES_SECS + per_view * (test + test.clamp(8.0, 64.0) / 3.0) / self.threads.clamp(1.0, 2.0);
         let course = Course {
             costs: self.trial.costs,
-            size: ExpectedSize::new(&config, &schedule, self.splats),
+            size: ExpectedSize::new(&config, &schedule, self.splats, pixels),
             pixels,
             probes: train.min(MOST_PROBES),
             end_secs,

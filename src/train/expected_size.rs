@@ -15,8 +15,12 @@ const PRUNED: f64 = 0.8;
 const PARAMS_EACH_GROWN: f64 = 34.0;
 const PARAMS_EACH_PRUNED: f64 = 18.0;
 
-/// Splats over those at the start, without a budget (fox at full size, 600 steps: 1.38, pruned 1.31).
-const GROWTH_WITHOUT_BUDGET: f64 = 1.4;
+/// Without a budget splats are split until each has about so many pixels of a view, as fast as the steps allow. Measured, steps
+/// and pixels for each initial splat, then splats over those at the start: fox 600, 137: 1.38; 1,646, 9: 1.06; 1,933, 35: 1.40;
+/// 2,584, 97: 2.82; 7,326, 97: 3.11; flower 2,072 and 6,935, 18: 0.9; bonsai 1,677, 24: 1.02; 5,853, 24: 1.22; lego 10,228, 29:
+/// 1.00; 30,000, 29: 1.12.
+const PIXELS_EACH_GROWN: f64 = 32.0;
+const STEPS_TO_DOUBLE: f64 = 1_400.0;
 
 /// The course of the number of splats.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,9 +31,10 @@ pub struct ExpectedSize {
 }
 
 impl ExpectedSize {
-    /// For a run that starts with `initial` splats.
-    pub fn new(config: &TrainConfig, schedule: &Schedule, initial: usize) -> Self {
+    /// For a run that starts with `initial` splats, on views of this many pixels.
+    pub fn new(config: &TrainConfig, schedule: &Schedule, initial: usize, pixels: f64) -> Self {
         let initial = initial.max(1) as f64;
+        let free = (pixels / PIXELS_EACH_GROWN).max(initial);
         let bounded = |params: Option<usize>, each: f64| params.map(|params| params as f64 / each);
         let grown = match (
             config.rule().split_share,
@@ -38,7 +43,9 @@ impl ExpectedSize {
             (SplitShare::Fixed(0.0), _) => initial,
             (_, Some(grown)) => grown.max(initial),
             (SplitShare::Fixed(_), None) => initial,
-            (SplitShare::Scheduled, None) => GROWTH_WITHOUT_BUDGET * initial,
+            (SplitShare::Scheduled, None) => {
+                free.min(initial * (1.0 + f64::from(config.steps) / STEPS_TO_DOUBLE))
+            }
         };
         let grown = grown.min(config.budget.max_splats.map_or(f64::INFINITY, |most| most as f64));
         let pruned = match schedule.prune_rounds {
@@ -79,7 +86,7 @@ mod tests {
     fn models_grow_beyond_their_budget_and_are_pruned_to_it() {
         let budget = Budget { max_params: Some(300_000), ..Budget::default() };
         let config = TrainConfig { steps: 1_000, budget, ..TrainConfig::default() };
-        let size = ExpectedSize::new(&config, &Schedule::new(&config, 43), 15_000);
+        let size = ExpectedSize::new(&config, &Schedule::new(&config, 43), 15_000, 129_600.0);
         let of = |share| size.splats(share, (0.0, 15_000.0));
         // Measured on fox: 15,454, 31,742 and 16,384.
         assert_eq!(of(0.1), 15_000.0);
@@ -87,11 +94,19 @@ mod tests {
         // What is known counts.
         assert_eq!(size.splats(0.6, (0.5, 25_000.0)), 25_000.0);
         assert_eq!(size.splats(0.95, (0.9, 9_000.0)), 9_000.0);
-        let free = TrainConfig { steps: 1_000, ..TrainConfig::default() };
-        let free = ExpectedSize::new(&free, &Schedule::new(&free, 43), 10_000);
-        assert_eq!(
-            [0.0, 0.6, 0.9].map(|share| free.splats(share, (0.0, 10_000.0))),
-            [10_000.0, 14_000.0, 14_000.0]
-        );
+    }
+
+    #[test]
+    fn without_a_budget_models_grow_where_splats_are_large() {
+        // Measured: fox at 1600 pixels, 41,700 splats after 2,584 steps; at 480 pixels, 15,600 after 1,646.
+        let splats = |steps, pixels| {
+            let config = TrainConfig { steps, ..TrainConfig::default() };
+            ExpectedSize::new(&config, &Schedule::new(&config, 43), 14_771, pixels)
+                .splats(0.7, (0.0, 14_771.0))
+        };
+        assert!((splats(2_584, 1_438_400.0) / 41_700.0 - 1.0).abs() < 0.1, "{}", splats(2_584, 1_438_400.0));
+        assert_eq!(splats(1_646, 129_600.0), 14_771.0);
+        // Fewer steps leave no time to grow.
+        assert!(splats(600, 2_026_233.0) < 22_000.0, "{}", splats(600, 2_026_233.0));
     }
 }

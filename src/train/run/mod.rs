@@ -92,11 +92,12 @@ pub fn train_by(
     let smaller_side_px = smaller_side_px(&cameras);
     let stage = Stage::at(config, &schedule, &frequency, smaller_side_px, start.stage_step);
     let pixels = cameras.iter().map(|camera| camera.pinhole.num_pixels() as f64).sum::<f64>();
+    let pixels = pixels / cameras.len() as f64;
     let initial = if start.step == 0 { start.model.num_splats() } else { start.pace.initial };
     let eta = Eta::new(Course {
         costs: timing.costs,
-        size: ExpectedSize::new(config, &Schedule::new(config, train_views.len()), initial),
-        pixels: pixels / cameras.len() as f64,
+        size: ExpectedSize::new(config, &Schedule::new(config, train_views.len()), initial, pixels),
+        pixels,
         probes: cameras.len().min(MOST_PROBES) as f64,
         end_secs: timing.end_secs,
     });
