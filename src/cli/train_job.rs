@@ -127,8 +127,18 @@ impl Resume {
     /// # Errors
     /// [`Error::Usage`], or [`Error::InvalidInput`] for a checkpoint that does not match the capture.
     pub fn check(&self, config: &RunConfig, capture: &Capture) -> Result<()> {
-        let fixed =
-            ["sh-degree", "policy", "seed", "init", "max-points", "sweep", "backdrop", "exposure", "filter"];
+        let fixed = [
+            "sh-degree",
+            "policy",
+            "seed",
+            "init",
+            "max-points",
+            "sweep",
+            "start",
+            "backdrop",
+            "exposure",
+            "filter",
+        ];
         let section = |key: &String| key.split('.').next().map(str::to_owned).unwrap_or_default();
         if let Some(name) = self.changed.iter().find(|key| fixed.contains(&section(key).as_str())) {
             return Err(usage!(

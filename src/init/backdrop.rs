@@ -1,6 +1,7 @@
 //! The backdrop: large splats behind the points, where rays of the training views meet no points, as in the sky or on
 //! blank walls (method 5.3). Without it, such pixels stay empty or fill with floaters.
 
+use super::footprint::{coarse, visit_cells};
 use super::input::InitInput;
 use super::points::{LocalPoint, quantile};
 use super::random::local_from_cameras;
@@ -101,11 +102,9 @@ struct Ray {
 
 /// The rays of a view through pixels that count.
 fn rays_of(camera: &Camera, photo: &TargetImage, points: &[LocalPoint], near: f32) -> Vec<Ray> {
-    let longer = photo.width_px.max(photo.height_px);
-    let cells = |side: u32| (side * RAYS_PER_SIDE).div_ceil(longer).clamp(1, side);
-    let (columns, rows) = (cells(photo.width_px), cells(photo.height_px));
+    let camera = coarse(camera, RAYS_PER_SIDE);
+    let (columns, rows) = (camera.pinhole.width_px, camera.pinhole.height_px);
     let reduced = photo.reduced(columns, rows);
-    let camera = camera.resized(columns, rows);
     let met = splats_met(&camera, points, near);
     let local_from_camera = camera.camera_from_local.rotation.transpose();
     let counts = |cell: &usize| reduced.counts(*cell);
@@ -124,40 +123,19 @@ fn rays_of(camera: &Camera, photo: &TargetImage, points: &[LocalPoint], near: f3
 
 /// For each cell of a view the initial splats whose support its centre lies in. `[rows, columns]`
 fn splats_met(camera: &Camera, points: &[LocalPoint], near: f32) -> Vec<u16> {
-    let pinhole = &camera.pinhole;
-    let (columns, rows) = (pinhole.width_px as usize, pinhole.height_px as usize);
     let sum = |mut a: Vec<u16>, b: Vec<u16>| {
         a.iter_mut().zip(b).for_each(|(a, b)| *a = a.saturating_add(b));
         a
     };
-    let none = || vec![0_u16; columns * rows];
-    points
-        .par_chunks(1024)
-        .fold(none, |mut met, chunk| {
-            for point in chunk {
-                let in_camera = camera.camera_from_local.transform_point(point.position_in_local());
-                let Some(at) = pinhole.project(in_camera).filter(|_| in_camera.z > f64::from(near)) else {
-                    continue;
-                };
-                let radius = MAP_SIGMA_MAX * f64::from(point.sigma) / in_camera.z;
-                let reach = DVec2::new(radius * pinhole.fx_px, radius * pinhole.fy_px);
-                // Cells whose centres lie in the box around the disc.
-                let span = |at: f64, reach: f64, cells: usize| {
-                    let bound = |v: f64| v.clamp(0.0, cells as f64) as usize;
-                    bound((at - reach - 0.5).ceil())..bound((at + reach - 0.5).floor() + 1.0)
-                };
-                for row in span(at.y, reach.y, rows) {
-                    for column in span(at.x, reach.x, columns) {
-                        let offset = (DVec2::new(column as f64, row as f64) + 0.5 - at) / reach;
-                        if offset.length_squared() <= 1.0 {
-                            met[row * columns + column] = met[row * columns + column].saturating_add(1);
-                        }
-                    }
-                }
-            }
-            met
-        })
-        .reduce(none, sum)
+    let none = || vec![0_u16; camera.pinhole.num_pixels()];
+    let add = |mut met: Vec<u16>, chunk: &[LocalPoint]| {
+        let points = chunk.iter().copied().enumerate();
+        visit_cells(camera, near, points, (MAP_SIGMA_MAX, 0.0), |_, cell, _| {
+            met[cell] = met[cell].saturating_add(1);
+        });
+        met
+    };
+    points.par_chunks(1024).fold(none, add).reduce(none, sum)
 }
 
 /// Colours of the backdrop by direction; `None`: no splat. Directions without rays continue their neighbours.

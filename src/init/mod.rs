@@ -4,6 +4,10 @@
 mod backdrop;
 #[cfg(test)]
 mod backdrop_tests;
+mod coverage;
+#[cfg(test)]
+mod coverage_tests;
+mod footprint;
 mod input;
 mod patch;
 mod points;
@@ -20,6 +24,7 @@ pub use input::{InitInput, InitOptions, InitPoints};
 use crate::constants::SH_DEGREE_MAX;
 use crate::model::Model;
 use crate::text::counted;
+use crate::train::Start;
 use crate::{Error, Report, Result};
 use points::{LocalPoint, along_a_curve, local_points, random_points, thinned, usable};
 use random::{Purpose, Stream, local_from_cameras, rotation};
@@ -73,6 +78,9 @@ pub fn initial_model(input: &InitInput<'_>, options: &InitOptions) -> Result<Ini
         (local_from_cameras(input.views), Stream::new(options.seed, Purpose::Rotations));
     points.iter_mut().for_each(|point| point.quaternion = rotation(turned, &mut stream));
     splats::size_by_spacing(&mut points);
+    if options.start == Start::Coverage {
+        coverage::shrink(&mut points, input);
+    }
     points.append(&mut backdrop);
     let model = splats::model(input, &along_a_curve(&points), options)?;
     Ok(InitialModel { model, report, is_random })

@@ -5,7 +5,7 @@ use crate::backend::LossWeights;
 use crate::frequency::ScheduleRules;
 use crate::model::Filter;
 use crate::train::density::DensityConfig;
-use crate::train::{Backdrop, Policy, TrainConfig};
+use crate::train::{Backdrop, Policy, Start, TrainConfig};
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 
@@ -77,6 +77,7 @@ impl Profile {
             density: fresh.density,
             scheduler: fresh.scheduler,
             sweep: fresh.sweep,
+            start: fresh.start,
             backdrop: fresh.backdrop,
             exposure: fresh.exposure,
             filter: fresh.filter,
@@ -86,6 +87,7 @@ impl Profile {
         };
         if matches!(self, Self::Paper | Self::Authors | Self::Cat) {
             config.sweep = false;
+            config.start = Start::Spacing;
             config.backdrop = Backdrop::None;
             config.filter = Filter::None;
             config.rates.position_random = config.rates.position;

@@ -9,13 +9,13 @@ use crate::{Error, Result};
 /// Bounds of the longer side that a plan may choose.
 const SIDES_PX: [u32; 8] = [160, 240, 320, 480, 640, 960, 1280, 1600];
 
-/// Images are as large as leaves time to show every training view this often, in this many steps at most. Measured, one minute
-/// on two cores, views held out for the purpose, compared at 1600 pixels or full size (passes: PSNR / gradient-PSNR, dB). Fox:
-/// 320 pixels 56: 29.48 / 39.73, 480 44: 30.00 / 40.23, 640 30: 29.84 / 40.39, 960 11: 28.55 / 40.12; bonsai: 320 139:
-/// 27.39 / 36.63, 480 61: 27.65 / 37.19, 640 39: 27.51 / 37.15; flower: 320 133: 27.89 / 34.84, 480 52: 28.72 / 35.82, 640 32:
-/// 28.23 / 35.50.
+/// Images are as large as leaves time to show every training view this often, or for this many steps for each pixel of their
+/// longer side. Measured, one minute on two cores, views held out for the purpose, compared at 1600 pixels or full size (passes:
+/// PSNR / gradient-PSNR, dB). Fox: 320 pixels 56: 29.48 / 39.73, 480 44: 30.00 / 40.23, 640 30: 29.84 / 40.39, 960 11: 28.55 /
+/// 40.12; bonsai: 320 139: 27.39 / 36.63, 480 61: 27.65 / 37.19, 640 39: 27.51 / 37.15; flower: 320 133: 27.89 / 34.84, 480 52:
+/// 28.72 / 35.82, 640 32: 28.23 / 35.50. A video with 131 views: 320 pixels, 1,037 steps: 27.39 / 33.48, 480, 766: 27.55 / 33.93.
 const WANTED_PASSES: u32 = 40;
-const WANTED_STEPS_MAX: u32 = 2_000;
+const WANTED_STEPS_PER_PIXEL: f64 = 1.5;
 
 /// Views that a round of pruning probes at most.
 const MOST_PROBES: f64 = crate::train::MOST_PROBES as f64;
@@ -172,10 +172,13 @@ impl Situation {
         let smaller = SIDES_PX.into_iter().filter(|&side| side < self.side_px && !self.keeps_size);
         let sides: Vec<u32> = smaller.chain([self.side_px]).collect();
         let least = self.least_steps(config);
-        let wanted = WANTED_PASSES.saturating_mul(self.views[0] as u32).min(WANTED_STEPS_MAX);
-        let wanted = wanted.min(self.enough_steps.unwrap_or(wanted)).max(least);
+        let wanted = |side: u32| {
+            let passes = WANTED_PASSES.saturating_mul(self.views[0] as u32);
+            let steps = passes.min((WANTED_STEPS_PER_PIXEL * f64::from(side)) as u32);
+            steps.min(self.enough_steps.unwrap_or(steps)).max(least)
+        };
         let steps_at = |side: u32| self.affordable_steps(config, side);
-        let enough = sides.iter().rev().find(|&&side| steps_at(side) >= wanted);
+        let enough = sides.iter().rev().find(|&&side| steps_at(side) >= wanted(side));
         let side = *enough.unwrap_or(&sides[0]);
         let affordable = steps_at(side);
         let fits = affordable >= least;
