@@ -4,7 +4,7 @@ use litetex_gs::Result;
 use litetex_gs::console::values::{ImageSize, parse_image_size, parse_whole};
 use litetex_gs::console::{Log, Output, Table, path_text};
 use litetex_gs::run::check_empty;
-use litetex_gs::sample::{NeedScene, SampleOptions, Stress, write_sample, write_video};
+use litetex_gs::sample::{NamedScene, SampleOptions, Stress, write_sample, write_video};
 use litetex_gs::text::counted;
 use serde_json::json;
 use std::path::PathBuf;
@@ -37,10 +37,10 @@ pub struct SampleArgs {
     /// clean, for --test-list
     #[arg(long, value_name = "NAME[:LEVEL]", long_help = stress_help())]
     stress: Option<Stress>,
-    /// Show a scene whose smallest model is known, instead of the still life, to see what models grow to; test.txt lists
-    /// the test photos
+    /// Show another scene than the still life: one whose smallest model is known, to see what models grow to, or a poster
+    /// with noise as in photos, hard edges and lettering; test.txt lists the test photos
     #[arg(long, value_name = "NAME[:LEVEL]", conflicts_with = "stress", long_help = scene_help())]
-    scene: Option<NeedScene>,
+    scene: Option<NamedScene>,
     /// Write a video of N frames in place of photos and poses, once around the scene, blurred in two of three frames, for
     /// "litetex capture"; the poses are in truth/poses.json
     #[arg(long, value_name = "N", value_parser = parse_whole::<usize>, conflicts_with_all = ["stress", "scene", "text"])]
@@ -63,10 +63,11 @@ fn stress_help() -> String {
 
 fn scene_help() -> String {
     format!(
-        "Show a scene whose smallest model is known, instead of the still life, to see what models grow to; test.txt \
-         lists the test photos, for --test-list. The colour around it is #808080, for --set background=. NAME[:LEVEL], with \
-         default levels: {}",
-        NeedScene::help()
+        "Show another scene than the still life: one whose smallest model is known, to see what models grow to, or a \
+         poster with noise as in photos, hard edges and lettering, of which no smallest model is known; test.txt lists the \
+         test photos, for --test-list. The colour around is #808080, for --set background=. NAME[:LEVEL], with default \
+         levels: {}",
+        NamedScene::help()
     )
 }
 

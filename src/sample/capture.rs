@@ -2,13 +2,13 @@
 
 use super::colmap_write::{SparseImage, SparseModel};
 use super::frame::Frame;
-use super::need::NeedKind;
 use super::options::SampleOptions;
 use super::patch::Patch;
 use super::planted::Planted;
-use super::points::{points, points_of_need};
+use super::points::{points, points_on_patch};
 use super::render;
 use super::scene::Scene;
+use super::scenes::SceneKind;
 use super::views::{View, views};
 use crate::camera::Pinhole;
 use glam::DMat3;
@@ -48,7 +48,7 @@ pub fn pinhole_of(options: &SampleOptions) -> Pinhole {
 enum Content {
     /// The still life.
     Room(Box<Scene>),
-    /// A scene whose smallest model is known.
+    /// Another scene.
     Patch(Patch),
     Planted(Box<Planted>),
 }
@@ -83,8 +83,8 @@ impl Capture {
             }
             Some(scene) => {
                 let patch = Patch::new(scene, options.seed);
-                let planted = (scene.kind == NeedKind::Planted).then(|| Planted::new(options.seed));
-                let points = points_of_need(options, &patch, planted.as_ref(), &views);
+                let planted = (scene.kind == SceneKind::Planted).then(|| Planted::new(options.seed));
+                let points = points_on_patch(options, &patch, planted.as_ref(), &views);
                 (planted.map_or(Content::Patch(patch), |p| Content::Planted(Box::new(p))), points)
             }
         };

@@ -92,7 +92,7 @@ impl<K: Kinds> fmt::Display for Leveled<K> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{NeedKind, NeedScene, Stress, StressKind};
+    use super::super::{NamedScene, SceneKind, Stress, StressKind};
     use super::*;
 
     fn round_trip<K: Kinds + fmt::Debug>(wrong: &[(&str, &str)]) {
@@ -113,15 +113,17 @@ mod tests {
             ("noise:nan", "expected a level"),
             ("mirror:1", "mirror has no levels"),
         ]);
-        round_trip::<NeedKind>(&[
+        round_trip::<SceneKind>(&[
             ("fog", "no such scene; there are wall[:8] (colours along each side), flat"),
             ("wall:1", "expected a level of 2 to 64"),
             ("wall:2.5", "expected a whole number"),
             ("wall:nan", "expected a level"),
             ("quilt:1", "quilt has no levels"),
+            ("poster:0", "expected a level of 1 to 12 (octaves"),
+            ("poster:6.5", "expected a whole number of octaves"),
         ]);
         assert_eq!("noise:20".parse(), Ok(Stress { kind: StressKind::Noise, level: 20.0 }));
         assert_eq!("noise".parse(), Ok(Stress::of(StressKind::Noise)));
-        assert_eq!("wall:16".parse(), Ok(NeedScene { kind: NeedKind::Wall, level: 16.0 }));
+        assert_eq!("wall:16".parse(), Ok(NamedScene { kind: SceneKind::Wall, level: 16.0 }));
     }
 }

@@ -1,7 +1,6 @@
 //! A procedural capture in COLMAP's layout: ray-cast images of a small still life with exact poses,
 //! sparse points and exact depths. For tests and for trying the program, without third-party photos
-//! or licences. With a [`Stress`] it is hard in one respect; a [`NeedScene`] shows something else, whose smallest model
-//! is known.
+//! or licences. With a [`Stress`] it is hard in one respect; a [`NamedScene`] is shown instead.
 
 mod avi;
 mod capture;
@@ -10,17 +9,18 @@ mod extras;
 mod frame;
 mod lettering;
 mod levels;
-mod need;
 mod noise;
 mod options;
 mod patch;
 mod planted;
 mod points;
 mod poses;
+mod poster;
 mod random;
 mod ray;
 mod render;
 mod scene;
+mod scenes;
 mod stress;
 mod texture;
 mod video;
@@ -28,9 +28,9 @@ mod views;
 
 pub use capture::SampleSummary;
 pub use colmap_write::{SparseImage, SparseModel, SparsePoint};
-pub use need::{NeedKind, NeedScene};
 pub use options::SampleOptions;
 pub use planted::planted_model;
+pub use scenes::{NamedScene, SceneKind};
 pub use stress::{Stress, StressKind};
 pub use video::write_video;
 
@@ -42,7 +42,7 @@ use std::path::{Path, PathBuf};
 
 /// Writes a capture to `dir`: `images/*.png`, `sparse/0/*.bin` and, if requested, `sparse/0/*.txt`,
 /// `truth/depth/*.exr` and `truth/scene.json`. A stress adds `test.txt`, which lists the test photos, `masks/*.png` of
-/// padded photos, and `regions/*.png`, white where a photo shows what the stress is about. So does a [`NeedScene`], which
+/// padded photos, and `regions/*.png`, white where a photo shows what the stress is about. So does a [`NamedScene`], which
 /// has no depths. Equal options give equal bytes.
 ///
 /// # Errors
@@ -105,7 +105,7 @@ fn write_truth(dir: &Path, capture: &Capture) -> Result<()> {
 }
 
 #[cfg(test)]
-mod need_tests;
+mod scenes_tests;
 #[cfg(test)]
 mod stress_tests;
 #[cfg(test)]

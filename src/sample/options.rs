@@ -1,6 +1,6 @@
 //! Options of the sample capture, and their bounds.
 
-use super::need::NeedScene;
+use super::scenes::NamedScene;
 use super::stress::Stress;
 use crate::Result;
 use serde::{Deserialize, Serialize};
@@ -34,7 +34,7 @@ pub struct SampleOptions {
     pub stress: Option<Stress>,
     /// What is shown instead of the still life; excludes a stress. Every eighth view is a test view here too.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub scene: Option<NeedScene>,
+    pub scene: Option<NamedScene>,
 }
 
 /// A capture that trains in about a minute; the values are not measured.

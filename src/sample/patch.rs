@@ -1,9 +1,10 @@
-//! Squares in the plane z = 0 with interpolated grids of colours. All fade continuously into the grey around them, so
-//! that no edge is harder than the colours themselves.
+//! Scenes in the plane z = 0: squares with interpolated grids of colours, which fade continuously into the grey around
+//! them, so that no edge is harder than the colours themselves; and the poster, which has hard edges.
 
-use super::need::{NeedKind as Kind, NeedScene};
+use super::poster::{self, Poster};
 use super::random::{Stream, stream, uniform};
 use super::ray::Ray;
+use super::scenes::{NamedScene, SceneKind as Kind};
 use glam::{DVec2, DVec3};
 use rand_pcg::Pcg32;
 use serde::Serialize;
@@ -90,18 +91,20 @@ fn random_colour([low, high]: [f64; 2], rng: &mut Pcg32) -> DVec3 {
     DVec3::from_array([0; 3].map(|_| low + (high - low) * uniform(rng)))
 }
 
-/// A scene of grids in one plane.
+/// A scene of grids or a poster in one plane.
 #[derive(Clone, Debug, Serialize)]
 pub struct Patch {
     kind: Kind,
     grids: Vec<Grid>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    poster: Option<Poster>,
     /// Largest change of a value before it is rounded, of 255.
     pub dither: f64,
 }
 
 impl Patch {
     /// The patch of a scene; that of `Planted` is empty.
-    pub fn new(scene: NeedScene, seed: u64) -> Self {
+    pub fn new(scene: NamedScene, seed: u64) -> Self {
         let mut rng = stream(seed, Stream::Grids, 0);
         let rng = &mut rng;
         let grids = match scene.kind {
@@ -123,10 +126,11 @@ impl Patch {
                     Grid::random(DVec2::new(quarter, quarter), 0.5 * SIDE, fine, VALUES, rng),
                 ]
             }
-            Kind::Flat | Kind::Planted => Vec::new(),
+            Kind::Flat | Kind::Planted | Kind::Poster => Vec::new(),
         };
         let dither = if scene.kind == Kind::Flat { scene.level } else { 0.0 };
-        Self { kind: scene.kind, grids, dither }
+        let poster = (scene.kind == Kind::Poster).then(|| Poster::new(scene.level as u32, seed));
+        Self { kind: scene.kind, grids, poster, dither }
     }
 
     /// Colour along a ray, display space.
@@ -136,22 +140,28 @@ impl Patch {
 
     /// Colour of a place as seen from a direction of any length, display space.
     pub fn colour(&self, at: DVec2, towards: DVec3) -> DVec3 {
+        if let Some(poster) = &self.poster {
+            return poster.colour(right_up(at)).unwrap_or(DVec3::splat(GREY));
+        }
         let gloss = if self.kind == Kind::Gloss { gloss(at, towards) } else { 0.0 };
         self.grids.iter().map(|grid| grid.offset(at)).sum::<DVec3>() + GREY + gloss
     }
 
-    /// Whether the scene is about the place that a ray meets: the easy quadrants of the quilt, the gloss.
+    /// Whether the scene is about the place that a ray meets: the easy quadrants of the quilt, the gloss,
+    /// the lettering of the poster.
     pub fn is_region(&self, ray: &Ray) -> bool {
         hit(ray).is_some_and(|at| match self.kind {
             Kind::Quilt => at.abs().max_element() < 0.5 * SIDE && at.y < 0.0,
             Kind::Gloss => at.length() < gloss_radius(),
+            Kind::Poster => self.poster.as_ref().is_some_and(|poster| poster.is_lettering(right_up(at))),
             _ => false,
         })
     }
 
-    /// A random place on the square.
+    /// A random place on the square or the poster.
     pub fn place(&self, rng: &mut Pcg32) -> DVec2 {
-        let within = SIDE * (DVec2::new(uniform(rng), uniform(rng)) - 0.5);
+        let size = if self.poster.is_some() { poster::SIZE } else { DVec2::splat(SIDE) };
+        let within = size * (DVec2::new(uniform(rng), uniform(rng)) - 0.5);
         self.grids.first().map_or(within, |grid| grid.axis.rotate(within))
     }
 }
@@ -160,6 +170,11 @@ impl Patch {
 fn hit(ray: &Ray) -> Option<DVec2> {
     let t = -ray.origin.z / ray.direction.z;
     (t > 0.0 && t.is_finite()).then(|| (ray.origin + t * ray.direction).truncate())
+}
+
+/// A place as the cameras see it: y is down in the plane.
+fn right_up(at: DVec2) -> DVec2 {
+    DVec2::new(at.x, -at.y)
 }
 
 /// Distance from the centre at which the gloss has half its strength.

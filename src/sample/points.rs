@@ -47,7 +47,7 @@ fn in_file(view: &View, at: DVec2) -> DVec2 {
 }
 
 /// Points of a patch, or near the splats of a planted scene.
-pub fn points_of_need(
+pub fn points_on_patch(
     options: &SampleOptions,
     patch: &Patch,
     planted: Option<&Planted>,

@@ -114,7 +114,7 @@ pub fn views(options: &SampleOptions, pinhole: &Pinhole) -> Vec<View> {
     views
 }
 
-/// The views of a scene whose smallest model is known.
+/// The views of a scene other than the still life.
 fn on_cap(count: usize, pinhole: &Pinhole) -> Vec<View> {
     let (mut train, mut test) = (Vec::new(), Vec::new());
     for (i, pose) in cap(count).into_iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Scenes whose smallest model is known: what they show, where the cameras are, and where points lie.
+//! Scenes other than the still life: what they show, where the cameras are, and where points lie.
 
 use super::*;
 use glam::DVec3;
@@ -51,14 +51,18 @@ fn every_scene_is_grey_around_and_of_its_range() {
         ("stripes:30", [0.4, 0.7]),
         ("planted", [0.4, 0.9]),
         ("gloss", [0.4, 0.7]),
+        ("poster", [0.4, 0.6]),
     ] {
         let capture = capture(scene);
         let found = share(&capture, |v| v == 128);
         assert!((grey[0]..grey[1]).contains(&found), "{scene}: {found}");
         // 0.2 and 0.8 of 255, and up to 1 with the gloss.
-        let high = if scene == "gloss" { 255 } else { 204 };
-        let low = if scene == "planted" { 13 } else { 51 };
-        let high = if scene == "planted" { 242 } else { high };
+        let (low, high) = match scene {
+            "gloss" => (51, 255),
+            "planted" => (13, 242),
+            "poster" => (10, 245),
+            _ => (51, 204),
+        };
         assert_eq!(share(&capture, |v| (low..=high).contains(&v)), 1.0, "{scene}");
         let corners = [0, 63, 47 * 64, 48 * 64 - 1];
         let photo = capture.photo(0);
@@ -68,6 +72,42 @@ fn every_scene_is_grey_around_and_of_its_range() {
     let dithered = capture("flat:0.5");
     assert_eq!(share(&dithered, |v| v == 127 || v == 128), 1.0);
     assert!((share(&dithered, |v| v == 127) - 0.5).abs() < 0.01);
+}
+
+#[test]
+fn every_photo_shows_the_whole_poster() {
+    let capture = capture("poster");
+    for view in 0..24 {
+        let photo = capture.photo(view).values;
+        let is_border = |i: usize| [0, 63].contains(&(i % 64)) || [0, 47].contains(&(i / 64));
+        assert!(
+            (0..64 * 48).filter(|i| is_border(*i)).all(|i| photo[3 * i..3 * i + 3] == [128; 3]),
+            "{view}"
+        );
+    }
+}
+
+#[test]
+fn a_seed_repeats_a_poster_and_another_shows_another() {
+    let photos = |level: u32, seed: u64| {
+        let options = SampleOptions {
+            views: 3,
+            width_px: 64,
+            height_px: 48,
+            points: 0,
+            seed,
+            scene: Some(format!("poster:{level}").parse().unwrap()),
+            ..SampleOptions::default()
+        };
+        let capture = Capture::new(&options);
+        [0, 1, 2].map(|view| capture.photo(view).values)
+    };
+    let first = photos(6, 0);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    assert!(pool.install(|| photos(6, 0)) == first);
+    for other in [photos(6, 1), photos(7, 0)] {
+        assert!(first.iter().zip(&other).all(|(a, b)| a != b));
+    }
 }
 
 #[test]
@@ -91,7 +131,7 @@ fn turned_stripes_and_gloss_differ_as_they_should() {
 
 #[test]
 fn regions_and_points_lie_where_they_should() {
-    for (scene, area) in [("quilt", 0.5), ("gloss", 0.1)] {
+    for (scene, area) in [("quilt", 0.5), ("gloss", 0.1), ("poster", 0.43)] {
         let capture = capture(scene);
         let marked = capture.region(0).unwrap().values.iter().filter(|v| **v == 255).count() as f64;
         // A pixel of the middle of the image measures 1.6 / (0.95 x 64) m.
@@ -104,6 +144,9 @@ fn regions_and_points_lie_where_they_should() {
         assert_eq!(points.len(), 128);
         assert!(points.iter().all(|p| p.position.z == 0.0 && p.position.length() < 0.7072), "{scene}");
     }
+    let points = capture("poster").sparse.points;
+    assert_eq!(points.len(), 128);
+    assert!(points.iter().all(|p| p.position.abs().cmple(DVec3::new(0.62, 0.465, 0.0)).all()));
     let model = planted_model(0);
     for point in capture("planted").sparse.points {
         let centres = model.splats.positions.as_chunks::<3>().0;
