@@ -28,9 +28,18 @@ pub fn rounded(number: f64, digits: usize) -> f64 {
     format!("{number:.*e}", digits.saturating_sub(1)).parse().unwrap_or(number)
 }
 
+/// The nearest number that has no more decimal places than a step needs: those of the largest power of ten, at most 1, that does
+/// not exceed it. A step of 0, or none, keeps all digits.
+pub fn to_decimals(number: f64, step: f64) -> f64 {
+    let places = (0..=17).find(|&places| 10_f64.powi(-places) <= step);
+    let text = places.map(|places| format!("{number:.*}", places as usize));
+    // No negative zero.
+    text.and_then(|text| text.parse::<f64>().ok()).map_or(number, |number| number + 0.0)
+}
+
 #[cfg(test)]
 mod tests {
-    use super::{parse_number, rounded};
+    use super::{parse_number, rounded, to_decimals};
 
     #[test]
     fn every_spelling_of_no_number_is_read() {
@@ -58,5 +67,12 @@ mod tests {
         );
         assert_eq!([rounded(-1.26e-20, 2), rounded(f64::INFINITY, 3)], [-1.3e-20, f64::INFINITY]);
         assert!(rounded(f64::NAN, 3).is_nan());
+    }
+    #[test]
+    fn numbers_are_rounded_to_decimal_places() {
+        let of = |step| to_decimals(-1234.56789, step);
+        assert_eq!([of(7.0), of(1.0), of(0.99), of(0.01)], [-1235.0, -1235.0, -1234.6, -1234.57]);
+        assert_eq!([of(0.0), of(1e-30), of(f64::NAN)], [-1234.56789; 3]);
+        assert!(to_decimals(-1e-9, 0.1).is_sign_positive() && to_decimals(f64::NAN, 0.1).is_nan());
     }
 }

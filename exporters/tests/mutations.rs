@@ -79,7 +79,7 @@ fn mutate(bytes: &mut Vec<u8>, others: &[Vec<u8>], random: &mut Random) {
 
 /// Where a `.ltgs` file begins in a `.glb`, which needs no more bytes than are there: a file found by its magic.
 fn embedded(bytes: &[u8]) -> Option<usize> {
-    bytes.windows(6).position(|window| window == b"LTGS\x02\0")
+    bytes.windows(6).position(|window| window == b"LTGS\x03\0")
 }
 
 /// Makes the checksums of a `.ltgs` file right again, as far as its tables reach, so that damage gets past them.

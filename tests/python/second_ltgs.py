@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """A second reader of `.ltgs` files, written from their specification alone.
 
-It shares no code with the program. Its only source is `exporters/schema/ltgs.md`; comments cite its sections. It checks
+It shares no code with the program. Its only sources are `exporters/schema/ltgs.md`, whose sections comments cite, and
+`ltgs-words.txt` beside it. It checks
 all lengths and checksums of a file and the hash of the decoded arrays, and raises ValueError if anything is wrong.
 
     second_ltgs.py FILE.ltgs...    checks files
@@ -11,6 +12,7 @@ Needs numpy, xxhash and zstandard. Decodes about 1,200 splats a second.
 
 import json
 import math
+import os
 import struct
 import sys
 from collections import defaultdict
@@ -27,6 +29,7 @@ QUALITIES = ("lossless", "balanced", "tiny", "custom")
 CHUNK, MAX_SIDE = 4096, 4096
 LN_2 = 0.6931471805599453
 Y_00 = 0.28209479177387814
+WORDS = os.path.join(os.path.dirname(__file__), "..", "..", "exporters", "schema", "ltgs-words.txt")
 F32_MIN, F32_MAX = 1.1754944e-38, 3.4028235e38
 
 # What damaged bytes can raise.
@@ -40,9 +43,10 @@ def check(holds: bool, what: str, found: object, expected: object) -> None:
         raise ValueError(f"{what}: found {found}, expected {expected}")
 
 
-def unpacked(data: bytes, count: int) -> bytes:
-    """The `count` bytes in one zstd frame."""
-    return zstandard.ZstdDecompressor().decompress(data, max_output_size=count, allow_extra_data=False)
+def unpacked(data: bytes, count: int, words: bytes | None = None) -> bytes:
+    """The `count` bytes in one zstd frame. `words`: the content of its dictionary."""
+    words = None if words is None else zstandard.ZstdCompressionDict(words, dict_type=zstandard.DICT_TYPE_RAWCONTENT)
+    return zstandard.ZstdDecompressor(words).decompress(data, max_output_size=count, allow_extra_data=False)
 
 
 # -------------------------------------------------------------------------------------------------- streams: section 2
@@ -591,22 +595,40 @@ def content_hash(splats: Splats, meta: dict) -> str:
     return hasher.hexdigest()
 
 
+def rotation_rows(rotation: list[float]) -> list[list[float]]:
+    """The rows of the matrix of a quaternion wxyz (section 1.2)."""
+    w, x, y, z = np.array(rotation) / np.linalg.norm(rotation)
+    return [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+
+
+def read_about(data: bytes, count: int) -> dict:
+    """The metadata, with the rotations of all cameras as `rotationRows`."""
+    with open(WORDS, "rb") as file:
+        about = json.loads(unpacked(data, count, file.read()).decode())
+    for camera in about["meta"]["cameras"]:
+        if "rotation" in camera:
+            camera["rotationRows"] = rotation_rows(camera.pop("rotation"))
+    return about
+
+
 def decoded(data: bytes) -> tuple[Splats, dict]:
-    check(data[:6] == b"LTGS\2\0", "magic and major version", data[:6], b"LTGS\2\0")
+    check(data[:6] == b"LTGS\3\0", "magic and major version", data[:6], b"LTGS\3\0")
     _, _, _, flags, splats, texels, degree, profile, _, meta_bytes, text_bytes, chunks, size, tables, own = (
         struct.unpack_from(HEADER, data)
     )
     check(own == xxh3(data[:56]), "checksum of the header", xxh3(data[:56]), own)
     start, counts = 64 + meta_bytes, (flags, splats, texels, degree, profile, text_bytes, chunks)
-    most = (1, 2**24, 2**32 - 1, 3, len(QUALITIES) - 1, 2**24, splats)
+    most = (0, 2**24, 2**32 - 1, 3, len(QUALITIES) - 1, 2**24, splats)
     enough = chunks >= -(-splats // CHUNK)
     check(enough and all(c <= m for c, m in zip(counts, most)), "numbers of the header", counts, most)
     check(size == len(data), "bytes of the file", len(data), size)
     found = xxh3(data[64 : start + ENTRY.itemsize * chunks])
     check(found == tables, "checksum of the tables", found, tables)
-    text = unpacked(data[64:start], text_bytes) if flags & 1 else data[64:start]
-    check(len(text) == text_bytes, "bytes of the metadata", len(text), text_bytes)
-    about, quality = json.loads(text.decode()), QUALITIES[profile]
+    about, quality = read_about(data[64:start], text_bytes), QUALITIES[profile]
     label, labels = (about["quality"], about["order"]), (quality, "morton" if profile > 0 else "given")
     check(label == labels, "quality and order", label, labels)
     quantiser = about["quantiser"] if profile > 0 else None

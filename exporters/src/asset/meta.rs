@@ -1,8 +1,9 @@
 //! All of an asset except its arrays, as a JSON object that glTF, USD, `.ltgs` and SPZ share. Numbers round-trip bit for
 //! bit.
 
+use crate::asset::meta_camera::MetaCamera;
 use crate::asset::overview::{Bounds, Overview};
-use crate::{AssetCamera, ColourSpace, Filter, Provenance, SplatAsset, Transform};
+use crate::{ColourSpace, Filter, Provenance, SplatAsset, Transform};
 use serde::{Deserialize, Serialize, Serializer};
 
 /// Most bytes of the object's text that readers accept.
@@ -37,12 +38,7 @@ pub struct Meta {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub home: Option<usize>,
     /// Cameras of the capture.
-    pub cameras: Vec<AssetCamera>,
-}
-
-/// The number with nine significant decimal digits that is nearest.
-pub(crate) fn nine_digits(number: f64) -> f64 {
-    format!("{number:.8e}").parse().unwrap_or(number)
+    pub cameras: Vec<MetaCamera>,
 }
 
 /// Writes an f32 so that readers of f64 get the same number from every format.
@@ -69,20 +65,14 @@ impl Meta {
             capture_from_local: asset.capture_from_local,
             world_from_capture: asset.world_from_capture,
             provenance: asset.provenance.clone(),
-            cameras: asset.cameras.clone(),
+            cameras: asset.cameras.iter().map(MetaCamera::exact).collect(),
         }
     }
 
-    /// The metadata of an asset with the numbers of its cameras rounded to nine digits, as many as tell any two f32 apart: a
-    /// third of the bytes of lossy files' metadata are digits that no renderer in f32 can see.
+    /// The metadata of an asset with short numbers of its cameras, which are most of the metadata of lossy files.
     pub(crate) fn with_short_cameras(asset: &SplatAsset) -> Self {
-        let mut meta = Self::of(asset);
-        for camera in &mut meta.cameras {
-            let AssetCamera { focal_px, principal_px, rotation_rows, translation, .. } = camera;
-            let numbers = focal_px.iter_mut().chain(principal_px).chain(translation);
-            numbers.chain(rotation_rows.as_flattened_mut()).for_each(|number| *number = nine_digits(*number));
-        }
-        meta
+        let short = |camera| MetaCamera::short(camera, asset.near);
+        Self { cameras: asset.cameras.iter().map(short).collect(), ..Self::of(asset) }
     }
 
     /// Stores the metadata in an asset.
@@ -94,7 +84,7 @@ impl Meta {
         asset.capture_from_local = self.capture_from_local;
         asset.world_from_capture = self.world_from_capture;
         asset.provenance = self.provenance;
-        asset.cameras = self.cameras;
+        asset.cameras = self.cameras.into_iter().map(Into::into).collect();
     }
 }
 
@@ -102,21 +92,6 @@ impl Meta {
 mod tests {
     use super::*;
     use crate::asset::tests::fixture;
-
-    #[test]
-    fn short_cameras_keep_every_f32() {
-        for number in [0.1_f32, 1.0 / 3.0, -123_456.79, 3.402_823_5e38, 1e-42, 0.0] {
-            assert_eq!(nine_digits(number.into()) as f32, number);
-        }
-        assert_eq!(nine_digits(0.123_456_789_123_456), 0.123_456_789);
-        let mut asset = fixture(3, 0);
-        asset.cameras =
-            vec![AssetCamera { translation: [1.0 / 3.0, 2e-9 / 3.0, 1e6], ..AssetCamera::default() }];
-        let mut short = asset.clone();
-        Meta::with_short_cameras(&asset).store(&mut short);
-        assert_eq!(short.cameras[0].translation, [0.333_333_333, 6.666_666_67e-10, 1e6]);
-        assert_eq!(Meta::with_short_cameras(&short), Meta::of(&short), "a second time changes nothing");
-    }
 
     #[test]
     fn numbers_round_trip_bit_for_bit() {

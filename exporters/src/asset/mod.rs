@@ -6,6 +6,7 @@ pub mod degrees;
 pub mod edit;
 pub mod hash;
 pub mod meta;
+mod meta_camera;
 pub mod origin;
 pub mod overview;
 pub mod surface;

@@ -1,9 +1,12 @@
 //! Cameras of the capture as other programs take them: in the frame of the file with y up, looking along -z with y up.
 
-use crate::asset::meta::nine_digits;
 use crate::asset::overview::Overview;
 use crate::math::quaternion;
+use crate::number::rounded;
 use crate::{AssetCamera, SplatAsset};
+
+/// Digits of numbers for other programs: as many as tell any two f32 apart.
+pub const DIGITS: usize = 9;
 
 /// Which cameras a file holds for other programs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -56,9 +59,9 @@ impl ShownCamera {
         let size = [0, 1].map(|i| sides[i] / focal_px[i]);
         let right = (0.5 * sides[0] - principal_px[0]) / focal_px[0];
         let up = (principal_px[1] - 0.5 * sides[1]) / focal_px[1];
-        let rotation = quaternion::from_axes(axes).map(|v| nine_digits(v + 0.0));
+        let rotation = quaternion::from_axes(axes).map(|v| rounded(v + 0.0, DIGITS));
         // Other programs need one above 0.
-        let near = nine_digits(f64::from(asset.near) * frame.scale);
+        let near = rounded(f64::from(asset.near) * frame.scale, DIGITS);
         let near = if near > 0.0 { near } else { 1e-3 * frame.scale };
         let numbers = [centre.as_slice(), &size, &[right, up, near], &rotation];
         let is_finite = numbers.concat().iter().all(|v| v.is_finite());

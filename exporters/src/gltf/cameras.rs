@@ -3,8 +3,8 @@
 
 use super::document::Node;
 use crate::SplatAsset;
-use crate::asset::meta::nine_digits;
-use crate::fallback::shown_cameras::{Cameras, ShownCamera};
+use crate::fallback::shown_cameras::{Cameras, DIGITS, ShownCamera};
+use crate::number::rounded;
 use serde_json::{Value, json};
 
 /// Adds a node for each camera behind `nodes`, and returns the objects `cameras`, of which equal lenses share one.
@@ -15,8 +15,8 @@ pub fn push(asset: &SplatAsset, which: Cameras, nodes: &mut Vec<Node>) -> Vec<Va
         let lens = json!({
             "type": "perspective",
             "perspective": {
-                "yfov": nine_digits(2.0 * (0.5 * height).atan()),
-                "aspectRatio": nine_digits(width / height),
+                "yfov": rounded(2.0 * (0.5 * height).atan(), DIGITS),
+                "aspectRatio": rounded(width / height, DIGITS),
                 "znear": camera.near,
             }
         });

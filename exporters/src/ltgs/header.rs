@@ -8,7 +8,7 @@ use twox_hash::XxHash3_64;
 pub const MAGIC: [u8; 4] = *b"LTGS";
 
 /// Major version that is written and read; readers refuse others, but accept any minor version.
-pub const MAJOR: u16 = 2;
+pub const MAJOR: u16 = 3;
 /// Minor version that this program writes.
 pub const MINOR: u16 = 0;
 
@@ -21,19 +21,11 @@ pub const ENTRY_BYTES: usize = 112;
 /// Splats of every chunk but the last of its layer.
 pub const CHUNK_SPLATS: usize = 4096;
 
-/// Flag of metadata that are compressed with zstd.
-const META_ZSTD: u32 = 1;
-
-/// All flags that this version defines.
-const FLAGS_KNOWN: u32 = META_ZSTD;
-
 /// The header of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Header {
     /// Minor version of the file.
     pub minor: u16,
-    /// Whether the metadata are compressed.
-    pub meta_is_compressed: bool,
     /// Splats of the file.
     pub num_splats: u32,
     /// Texels of the file.
@@ -66,7 +58,7 @@ impl Header {
         bytes.extend(MAGIC);
         bytes.extend(MAJOR.to_le_bytes());
         bytes.extend(self.minor.to_le_bytes());
-        bytes.extend(if self.meta_is_compressed { META_ZSTD } else { 0 }.to_le_bytes());
+        bytes.extend(0_u32.to_le_bytes());
         bytes.extend(self.num_splats.to_le_bytes());
         bytes.extend(self.num_texels.to_le_bytes());
         let quality = Quality::ALL.iter().position(|q| *q == self.quality).unwrap_or_default();
@@ -109,8 +101,8 @@ impl Header {
             return invalid(format!("header: checksum {found:016x}, stated {stated:016x}: damaged"));
         }
         let flags = u32_at(8);
-        if flags & !FLAGS_KNOWN != 0 {
-            let what = format!("feature bits {:#x} are unknown to this program", flags & !FLAGS_KNOWN);
+        if flags != 0 {
+            let what = format!("feature bits {flags:#x} are unknown to this program");
             return Err(Error::unsupported(path, what));
         }
         let Some(&quality) = Quality::ALL.get(usize::from(head[25])) else {
@@ -118,7 +110,6 @@ impl Header {
         };
         let header = Self {
             minor: u16_at(6),
-            meta_is_compressed: flags & META_ZSTD != 0,
             num_splats: u32_at(12),
             num_texels: u64_at(16),
             num_chunks: u32_at(36),

@@ -49,7 +49,7 @@ pub fn put_coded(out: &mut Vec<u8>, writer: NumberWriter) {
 
 /// Appends a stream of bytes.
 pub fn put_bytes(out: &mut Vec<u8>, bytes: &[u8], level: i32) {
-    match compress(bytes, level).filter(|compressed| compressed.len() < bytes.len()) {
+    match compress(bytes, level, &[]).filter(|compressed| compressed.len() < bytes.len()) {
         Some(compressed) => put_stream(out, ZSTD, bytes.len(), &compressed),
         None => put_stream(out, STORED, bytes.len(), bytes),
     }
@@ -62,13 +62,13 @@ fn put_stream(out: &mut Vec<u8>, codec: u8, count: usize, coded: &[u8]) {
     out.extend_from_slice(coded);
 }
 
-/// Compresses into a frame without content size, which the stream states; `None` if zstd fails or there is nothing to
-/// compress.
-pub fn compress(bytes: &[u8], level: i32) -> Option<Vec<u8>> {
+/// Compresses into a frame without content size, which the file states; `None` if zstd fails or there is nothing to
+/// compress. Before the bytes stand those of a dictionary, as if they had been decoded already.
+pub fn compress(bytes: &[u8], level: i32, dictionary: &[u8]) -> Option<Vec<u8>> {
     if bytes.is_empty() {
         return None;
     }
-    let mut compressor = zstd::bulk::Compressor::new(level).ok()?;
+    let mut compressor = zstd::bulk::Compressor::with_dictionary(level, dictionary).ok()?;
     compressor.set_parameter(zstd::zstd_safe::CParameter::ContentSizeFlag(false)).ok()?;
     compressor.compress(bytes).ok()
 }
@@ -154,7 +154,7 @@ pub fn take_bytes(block: &mut &[u8], count: usize) -> Result<Vec<u8>> {
     let stream = Stream::take(block, count)?;
     let bytes = match stream.codec {
         STORED => stream.coded.to_vec(),
-        ZSTD => expand(stream.coded, stream.count)?,
+        ZSTD => expand(stream.coded, stream.count, &[])?,
         codec => return Err(unknown_codec(codec)),
     };
     if bytes.len() == count && stream.count == count {
@@ -169,12 +169,13 @@ pub fn take_bytes(block: &mut &[u8], count: usize) -> Result<Vec<u8>> {
 ///
 /// # Errors
 /// [`Error::Invalid`].
-pub fn expand(coded: &[u8], num_bytes: usize) -> Result<Vec<u8>> {
+pub fn expand(coded: &[u8], num_bytes: usize, dictionary: &[u8]) -> Result<Vec<u8>> {
     if num_bytes > coded.len().saturating_mul(ZSTD_EXPANSION) {
         return Err(damaged(&format!("{} bytes cannot hold {num_bytes}", coded.len())));
     }
     let mut bytes = crate::files::limits::filled(num_bytes, 0_u8)?;
-    let mut decompressor = zstd::bulk::Decompressor::new().map_err(|e| damaged(&e.to_string()))?;
+    let decompressor = zstd::bulk::Decompressor::with_dictionary(dictionary);
+    let mut decompressor = decompressor.map_err(|e| damaged(&e.to_string()))?;
     let found = decompressor.decompress_to_buffer(coded, &mut bytes[..]);
     match found.map_err(|e| damaged(&format!("zstd: {e}")))? {
         found if found == num_bytes => Ok(bytes),

@@ -32,6 +32,7 @@ pub struct Plan {
 impl Plan {
     /// Plans for a valid asset and valid steps; missing exponents are zero.
     pub fn new(asset: &SplatAsset, steps: &Steps, per_splat: PerSplat<'_>) -> Self {
+        let steps = steps.short();
         let within = |x: i8| i32::from(x).clamp(-EXPONENT_MAX, EXPONENT_MAX);
         let exponent = |splat: usize| per_splat.exponents.get(splat).copied().map_or(0, within);
         let exponents: Vec<i32> = (0..asset.num_splats()).map(exponent).collect();
@@ -54,7 +55,7 @@ impl Plan {
         let finest = (0..asset.num_splats()).map(|splat| shape(splat).log2_position_step()).collect();
         grid.reach = super::math::two_to(low_quantile(finest));
         place(&mut grid, asset, steps.position);
-        let mut quantiser = Quantiser { steps: *steps, grid };
+        let mut quantiser = Quantiser { steps, grid };
         let fine: Vec<[u32; 3]> =
             asset.positions.iter().map(|&p| super::shape::fine_position(&quantiser, p)).collect();
         let coarse = grid.bits.saturating_sub(CELL_COORDINATE_BITS_MAX);

@@ -67,8 +67,7 @@ impl<'a> Reader<'a> {
             return Err(invalid("metadata and table of contents: wrong checksum, damaged".to_owned()));
         }
         let (meta, entries) = tables.split_at(header.meta_bytes as usize);
-        let meta = FileMeta::decode(meta, header.meta_is_compressed, header.meta_text_bytes as usize)
-            .map_err(|e| e.at(path))?;
+        let meta = FileMeta::decode(meta, header.meta_text_bytes as usize).map_err(|e| e.at(path))?;
         let is_lossless = header.quality == Quality::Lossless;
         if meta.quality != header.quality.name() || meta.quantiser.is_none() != is_lossless {
             let (found, stated) = (quoted(&meta.quality), header.quality.name());

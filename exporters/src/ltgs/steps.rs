@@ -2,7 +2,15 @@
 //! Both are stored in the file's metadata.
 
 use crate::Result;
+use crate::number::rounded;
 use serde::{Deserialize, Serialize};
+
+/// Digits of a step in a file: a step that is off by a two-thousandth is as good.
+const DIGITS: usize = 4;
+
+/// Bounds of steps.
+const STEP_MIN: f64 = 1.0 / (1_u64 << 30) as f64;
+const STEP_MAX: f64 = 16.0;
 
 /// Quantisation steps. Each splat has an exponent x, chosen by the writer from how much the splat contributes to renders;
 /// its steps are `2^x` times these.
@@ -56,17 +64,26 @@ impl Steps {
 
     /// All steps multiplied by a factor.
     pub fn scaled(&self, factor: f64) -> Self {
+        Self { chroma: self.chroma, ..self.map(|step| step * factor) }
+    }
+
+    /// Valid steps with the few digits that files hold.
+    pub(super) fn short(&self) -> Self {
+        self.map(|step| rounded(step, DIGITS).clamp(STEP_MIN, STEP_MAX))
+    }
+
+    fn map(&self, of: impl Fn(f64) -> f64) -> Self {
         Self {
-            position: self.position * factor,
-            tilt: self.tilt * factor,
-            twist: self.twist * factor,
-            log2_scale: self.log2_scale * factor,
-            log2_opacity: self.log2_opacity * factor,
-            sh0: self.sh0 * factor,
-            sh_rest: self.sh_rest.map(|s| s * factor),
-            texel: self.texel * factor,
-            chroma: self.chroma,
-            log2_texel_size: self.log2_texel_size * factor,
+            position: of(self.position),
+            tilt: of(self.tilt),
+            twist: of(self.twist),
+            log2_scale: of(self.log2_scale),
+            log2_opacity: of(self.log2_opacity),
+            sh0: of(self.sh0),
+            sh_rest: self.sh_rest.map(&of),
+            texel: of(self.texel),
+            chroma: of(self.chroma),
+            log2_texel_size: of(self.log2_texel_size),
         }
     }
 
@@ -78,16 +95,12 @@ impl Steps {
         let Self { position, tilt, twist, log2_scale, log2_opacity, .. } = *self;
         let all =
             [position, tilt, twist, log2_scale, log2_opacity, self.sh0, self.texel, self.log2_texel_size];
-        let range = two_to_minus_30()..=16.0;
+        let range = STEP_MIN..=STEP_MAX;
         if all.iter().chain(&self.sh_rest).chain([&self.chroma]).all(|s| range.contains(s)) {
             return Ok(());
         }
         Err(invalid!("", "steps are not in [2^-30, 16]: {self:?}"))
     }
-}
-
-const fn two_to_minus_30() -> f64 {
-    1.0 / (1_u64 << 30) as f64
 }
 
 /// The numbers of a scene to which its steps refer.

@@ -7,8 +7,8 @@ use crate::asset::hash::hash_from_text;
 use crate::asset::meta::{META_BYTES_MAX, Meta};
 use serde::{Deserialize, Serialize};
 
-/// Texts of this length or more are compressed.
-const COMPRESSED_FROM_BYTES: usize = 1024;
+/// Words that metadata consist of, and numbers like theirs: the dictionary with which zstd compresses them. Part of the format.
+const WORDS: &[u8] = include_bytes!("../../schema/ltgs-words.txt");
 
 /// Order of the splats in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -38,33 +38,27 @@ pub struct FileMeta {
 }
 
 impl FileMeta {
-    /// Returns the bytes in the file and the length of the text, which are equal if it is not compressed.
+    /// Returns the bytes in the file and the length of the text.
     ///
     /// # Errors
-    /// [`crate::Error::TooLarge`] for more than 16 MiB of text.
+    /// [`crate::Error::TooLarge`] for more than 16 MiB of text, [`crate::Error::Invalid`] if zstd fails.
     pub fn encode(&self) -> Result<(Vec<u8>, usize)> {
         let text = serde_json::to_vec(self).map_err(|e| invalid!("", "metadata: {e}"))?;
         let length = text.len();
         if length > META_BYTES_MAX {
             return Err(too_large!("", "metadata: {length} bytes, at most {META_BYTES_MAX}"));
         }
-        let compressed = (length >= COMPRESSED_FROM_BYTES).then(|| compress(&text, 19)).flatten();
-        Ok((compressed.filter(|c| c.len() < length).unwrap_or(text), length))
+        let coded = compress(&text, 19, WORDS).ok_or_else(|| invalid!("", "metadata: zstd failed"))?;
+        Ok((coded, length))
     }
 
     /// Decodes the bytes in the file.
     ///
     /// # Errors
     /// [`crate::Error::Invalid`].
-    pub fn decode(bytes: &[u8], is_compressed: bool, text_bytes: usize) -> Result<Self> {
-        let expanded;
-        let text = if is_compressed {
-            expanded = expand(bytes, text_bytes)?;
-            &expanded
-        } else {
-            bytes
-        };
-        let meta: Self = serde_json::from_slice(text).map_err(|e| invalid!("", "metadata: {e}"))?;
+    pub fn decode(bytes: &[u8], text_bytes: usize) -> Result<Self> {
+        let text = expand(bytes, text_bytes, WORDS)?;
+        let meta: Self = serde_json::from_slice(&text).map_err(|e| invalid!("", "metadata: {e}"))?;
         if let Some(quantiser) = &meta.quantiser {
             quantiser.validate()?;
         }
@@ -74,5 +68,22 @@ impl FileMeta {
     /// The hash as a number.
     pub fn hash(&self) -> Option<u64> {
         hash_from_text(&self.hash)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_specification_states_the_words() {
+        let specification = include_str!("../../schema/ltgs.md");
+        let stated = |words: &[u8]| {
+            let hash = twox_hash::XxHash3_64::oneshot(words);
+            let bytes = format!("the {},{:03} bytes", words.len() / 1000, words.len() % 1000);
+            specification.contains(&bytes) && specification.contains(&format!("xxh3-64 `{hash:016x}`"))
+        };
+        assert!(stated(WORDS), "{} bytes", WORDS.len());
+        assert!(!stated(&WORDS[1..]), "negative control");
     }
 }

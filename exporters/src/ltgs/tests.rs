@@ -253,11 +253,11 @@ fn hostile_headers_and_tables_are_refused() {
     };
     assert!(with(0, b"LTGS").is_ok(), "control: correct checksums change nothing");
     assert!(matches!(with(0, b"LTGX"), Err(Error::Invalid { .. })));
-    assert!(matches!(with(4, &[1, 0]), Err(Error::Unsupported { .. })));
-    assert!(matches!(with(8, &[0, 1]), Err(Error::Unsupported { .. })), "unknown feature");
+    assert!(matches!(with(4, &[2, 0]), Err(Error::Unsupported { .. })));
+    assert!(matches!(with(8, &[1, 0]), Err(Error::Unsupported { .. })), "unknown feature");
     assert!(matches!(with(25, &[4]), Err(Error::Unsupported { .. })), "unknown profile");
     let newer = with(6, &[9, 0]).unwrap();
-    assert_eq!((newer.format.as_str(), newer.warnings.len()), ("ltgs 2.9", 1));
+    assert_eq!((newer.format.as_str(), newer.warnings.len()), ("ltgs 3.9", 1));
     for (at, new) in [
         (12, vec![0xff; 4]),                                // splats
         (12, 4999_u32.to_le_bytes().to_vec()),              // splats that no chunk has

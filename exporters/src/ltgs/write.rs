@@ -278,7 +278,6 @@ fn assemble(asset: &SplatAsset, quality: Quality, meta: &FileMeta, chunks: &[Chu
     let blocks_bytes: usize = chunks.iter().flat_map(|c| &c.blocks).map(Vec::len).sum();
     let mut header = Header {
         minor: MINOR,
-        meta_is_compressed: meta_bytes.len() != meta_text_bytes,
         num_splats: asset.num_splats() as u32,
         num_texels: asset.num_texels() as u64,
         num_chunks: chunks.len() as u32,

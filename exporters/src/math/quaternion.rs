@@ -29,6 +29,16 @@ pub fn turned(q: [f64; 4], v: [f64; 3]) -> [f64; 3] {
     [x, y, z]
 }
 
+/// The rows of the matrix of a rotation by a quaternion of any length but 0.
+pub fn rows([w, x, y, z]: [f64; 4]) -> [[f64; 3]; 3] {
+    let two = 2.0 / (w * w + x * x + y * y + z * z);
+    [
+        [1.0 - two * (y * y + z * z), two * (x * y - w * z), two * (x * z + w * y)],
+        [two * (x * y + w * z), 1.0 - two * (x * x + z * z), two * (y * z - w * x)],
+        [two * (x * z - w * y), two * (y * z + w * x), 1.0 - two * (x * x + y * y)],
+    ]
+}
+
 /// The shortest rotation from one direction to another; both of any length but zero.
 pub fn between(from: [f64; 3], to: [f64; 3]) -> [f64; 4] {
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -87,5 +97,10 @@ mod tests {
         let (a, b) = (between([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]), between([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]));
         let both = turned(product(b, a), [1.0, 0.0, 0.0]);
         assert!((both[2] - 1.0).abs() < 1e-15, "{both:?}");
+        let q = [0.5, -0.5, 0.1, 0.7];
+        for (row, axis) in rows(q.map(|v| 3.0 * v)).into_iter().zip(0..3) {
+            let columns = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|v| turned(q, v)[axis]);
+            assert!((0..3).all(|i| (row[i] - columns[i]).abs() < 1e-15), "{row:?} {columns:?}");
+        }
     }
 }

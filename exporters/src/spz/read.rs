@@ -12,7 +12,7 @@ use crate::files::read::read_file;
 use crate::math::sh::dropped_sh;
 use crate::math::yup;
 use crate::{
-    AssetMap, Contents, Describes, Error, Filter, ReadLimits, Result, Section, SplatAsset,
+    AssetCamera, AssetMap, Contents, Describes, Error, Filter, ReadLimits, Result, Section, SplatAsset,
     num_sh_coefficients, text,
 };
 use std::path::Path;
@@ -65,7 +65,8 @@ pub fn decode_spz(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<Cont
         asset.world_from_capture = meta.world_from_capture;
         asset.capture_from_local = meta.world_from_capture.inverse();
         asset.near = (f64::from(meta.near) * world_from_local.scale) as f32;
-        asset.cameras = meta.cameras.iter().map(|camera| camera.in_frame(&world_from_local)).collect();
+        asset.cameras =
+            meta.cameras.into_iter().map(|c| AssetCamera::from(c).in_frame(&world_from_local)).collect();
         (asset.provenance, asset.background) = (meta.provenance, meta.background);
         (asset.colour_space, asset.filter) = (meta.colour_space, meta.filter);
     }

@@ -281,10 +281,10 @@ fn ltgs_files(add: Add<'_>) {
         ltgs::encode(asset, &ltgs::LtgsOptions { quality, ..ltgs::LtgsOptions::default() }).expect("written")
     };
     let bytes = file(&small_scene(), Quality::Balanced);
-    add("newer_major_version.ltgs", Unsupported, sealed(put(&bytes, 4, &[3])));
-    add("older_major_version.ltgs", Unsupported, sealed(put(&bytes, 4, &[1])));
+    add("newer_major_version.ltgs", Unsupported, sealed(put(&bytes, 4, &[4])));
+    add("older_major_version.ltgs", Unsupported, sealed(put(&bytes, 4, &[2])));
     add("newer_minor_version.ltgs", Reads, sealed(put(&bytes, 6, &[9])));
-    add("unknown_feature.ltgs", Unsupported, sealed(put(&bytes, 8, &[0x80])));
+    add("unknown_feature.ltgs", Unsupported, sealed(put(&bytes, 8, &[1])));
     add("wrong_checksum.ltgs", Invalid, put(&bytes, 12, &[9]));
     add("huge_count_of_splats.ltgs", TooLarge, sealed(put(&bytes, 12, &u32::MAX.to_le_bytes())));
     add("huge_count_of_texels.ltgs", TooLarge, sealed(put(&bytes, 16, &(1_u64 << 31).to_le_bytes())));

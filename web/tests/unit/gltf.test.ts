@@ -47,7 +47,11 @@ describe.each([['lossless', lossless], ['balanced', balanced], ['tiny', tiny]])(
     });
 
     test('every beginning of it is an error', async () => {
-        for (let cut = 0; cut < bytes.length; cut += Math.ceil(bytes.length / 80)) {
+        const { json, bin } = split(bytes);
+        const view = json.bufferViews[ours(json).stream?.bufferView];
+        // Behind the stream stand arrays for other programs, which are not waited for.
+        const end = view === undefined ? bytes.length : bytes.length - bin.length + (view.byteOffset ?? 0) + view.byteLength;
+        for (let cut = 0; cut < end; cut += Math.ceil(end / 80)) {
             expect(messageOf((await outcomeOf(bytes.slice(0, cut))).error)).toMatch(cut < 4 ? /^unsupported/ : /^invalid: truncated/);
         }
     });
@@ -66,11 +70,12 @@ test('the first splats are enough', async () => {
 test('the same scene in both containers has the same cameras and place', async () => {
     const { info } = await outcomeOf(lossless);
     const other = (await outcomeOf(file('samples/conformance/balanced.ltgs'))).info!;
-    const near = (a: readonly number[], b: readonly number[]): void => a.forEach((v, i) => expect(v).toBeCloseTo(b[i], 8));
-    near(info!.worldFromData, other.worldFromData);
+    const near = (a: readonly number[], b: readonly number[], digits: number): void => a.forEach((v, i) => expect(v).toBeCloseTo(b[i], digits));
+    near(info!.worldFromData, other.worldFromData, 12);
     info!.cameras.forEach((camera, i) => {
-        near(camera.rotation, other.cameras[i].rotation);
-        near(camera.translation, other.cameras[i].translation);
+        // Within 5e-5, which is 0.006 pixels here.
+        near(camera.rotation, other.cameras[i].rotation, 4);
+        near(camera.translation, other.cameras[i].translation, 4);
         expect(camera).toMatchObject({ name: other.cameras[i].name, focalPx: other.cameras[i].focalPx });
     });
     expect([info!.near, info!.background, info!.provenance]).toEqual([other.near, other.background, other.provenance]);

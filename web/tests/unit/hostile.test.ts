@@ -108,7 +108,7 @@ function mutated(original: Uint8Array, others: readonly Uint8Array[], random: (b
 /** Where a `.ltgs` file begins in a file. */
 function embedded(bytes: Uint8Array): number {
     for (let i = 0; i + 6 <= bytes.length; i += 1) {
-        if (bytes[i] === 0x4c && bytes[i + 1] === 0x54 && bytes[i + 2] === 0x47 && bytes[i + 3] === 0x53 && bytes[i + 4] === 2) return i;
+        if (bytes[i] === 0x4c && bytes[i + 1] === 0x54 && bytes[i + 2] === 0x47 && bytes[i + 3] === 0x53 && bytes[i + 4] === 3) return i;
     }
     return -1;
 }

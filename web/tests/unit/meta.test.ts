@@ -31,3 +31,16 @@ test('the home view is the one named, else the first of the training', async () 
     expect([of({ home: 2 }), of({}), of({ cameras: [] })]).toEqual(['b', 'a', undefined]);
     expect(() => readMeta({ ...META, home: 3 })).toThrow(/the index of a camera/);
 });
+
+test('the rotation of a camera is a matrix or a quaternion of any length', () => {
+    const { rotationRows: _, ...rest } = CAMERA;
+    const of = (camera: object) => readMeta({ ...META, cameras: [{ ...rest, ...camera }] }).cameras[0].rotation;
+    // After half a turn about x, columns y and z have the other sign.
+    const expected = [1, 0, 0, 0, -0.6, 0.8, 0, -0.8, -0.6];
+    expect(of({ rotationRows: [[1, 0, 0], [0, 0.6, -0.8], [0, 0.8, 0.6]] })).toEqual(expected);
+    of({ rotation: [2, 1, 0, 0] }).forEach((value, i) => expect(value).toBeCloseTo(expected[i], 15));
+    of({ rotation: [-2, 1, 0, 0] }).slice(4, 8).forEach((value, i) => expect(value).toBeCloseTo([-0.6, -0.8, 0, 0.8][i], 15));
+    expect(() => of({ rotation: [0, 0, 0, 0] })).toThrow(/rotation.*a quaternion/);
+    expect(() => of({ rotation: [1, 0, 0] })).toThrow(/rotation.*4 numbers/);
+    expect(() => of({})).toThrow(/rotationRows/);
+});

@@ -1,8 +1,8 @@
 import type { Provenance, SceneCamera, SceneInfo } from '../scene';
 import { check } from './errors';
-import { choiceOf, listOf, numberOf, numbersOf, objectOf, textOf, wholeOf } from './json';
+import { type Json, choiceOf, listOf, numberOf, numbersOf, objectOf, textOf, wholeOf } from './json';
 import { F32_MAX } from './ltgs/math';
-import { flipped, HALF_TURN, product, similarityOf } from './transform';
+import { flipped, fromParts, HALF_TURN, product, similarityOf } from './transform';
 
 export const COLOUR_SPACES = ['srgb_rec709_display', 'lin_rec709_display'] as const;
 
@@ -46,18 +46,29 @@ function readBounds(value: unknown): NonNullable<SceneInfo['bounds']> {
 /** A camera; `camera_from_data` is `camera_from_local` after half a turn about x (section 4). */
 function readCamera(value: unknown): SceneCamera {
     const camera = objectOf(value, 'camera');
-    const rows = listOf(camera.rotationRows, 'rotationRows');
-    check(rows.length === 3, 'rotationRows', rows, '3 rows');
     return {
         name: textOf(camera.name, 'camera'),
         widthPx: wholeOf(camera.widthPx, 'widthPx'),
         heightPx: wholeOf(camera.heightPx, 'heightPx'),
         focalPx: numbersOf(camera.focalPx, 'focalPx', 2) as [number, number],
         principalPx: numbersOf(camera.principalPx, 'principalPx', 2) as [number, number],
-        rotation: rows.flatMap((row) => numbersOf(row, 'rotationRows', 3).map((v, i) => (i > 0 ? 0 - v : v))),
+        rotation: rowsOf(camera).flatMap((row) => row.map((v, i) => (i > 0 ? 0 - v : v))),
         translation: numbersOf(camera.translation, 'translation', 3) as [number, number, number],
         heldOut: camera.heldOut === true,
     };
+}
+
+/** The rotation of a camera: `rotationRows`, or in lossy `.ltgs` files a quaternion wxyz of any length but 0 (`ltgs.md`, section 1.2). */
+function rowsOf({ rotation, rotationRows }: Json): number[][] {
+    if (rotation === undefined) {
+        const rows = listOf(rotationRows, 'rotationRows');
+        check(rows.length === 3, 'rotationRows', rows, '3 rows');
+        return rows.map((row) => numbersOf(row, 'rotationRows', 3));
+    }
+    const quaternion = numbersOf(rotation, 'rotation', 4);
+    const matrix = fromParts(quaternion, [1, 1, 1], [0, 0, 0]);
+    check(matrix.every(Number.isFinite), 'rotation', quaternion, 'a quaternion');
+    return [0, 1, 2].map((row) => [matrix[row], matrix[row + 4], matrix[row + 8]]);
 }
 
 function readProvenance(value: unknown): Provenance {

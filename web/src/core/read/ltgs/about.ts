@@ -3,6 +3,7 @@ import { check } from '../errors';
 import { choiceOf, parseJson, textOf } from '../json';
 import { readMeta } from '../meta';
 import { unpacked } from '../zstd';
+import words from '../../../../../exporters/schema/ltgs-words.txt?raw';
 import type { ChunkDecoder } from './chunk';
 import type { Header } from './header';
 import { lossless } from './lossless';
@@ -26,9 +27,7 @@ export function hashOf(value: unknown): string {
 
 export function readAbout(coded: Uint8Array, header: Header): About {
     const { quality, isLossless, splats, texels, shDegree, metaTextBytes, fileBytes } = header;
-    const text = header.metaIsCompressed ? unpacked(coded, metaTextBytes) : coded;
-    check(text.length === metaTextBytes, 'bytes of the metadata', text.length, metaTextBytes);
-    const about = parseJson(text, 'metadata');
+    const about = parseJson(unpacked(coded, metaTextBytes, new TextEncoder().encode(words)), 'metadata');
     choiceOf(about.quality, 'quality', [quality]);
     choiceOf(about.order, 'order', [isLossless ? 'given' : 'morton']);
     return {

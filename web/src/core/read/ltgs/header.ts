@@ -12,7 +12,6 @@ const QUALITIES = ['lossless', 'balanced', 'tiny', 'custom'];
 
 /** The header of a file (`ltgs.md`, section 1.1). */
 export interface Header {
-    readonly metaIsCompressed: boolean;
     readonly splats: number;
     readonly texels: number;
     readonly shDegree: number;
@@ -37,12 +36,11 @@ export function readHeader(bytes: Uint8Array): Header {
     const view = viewOf(bytes);
     const u32 = (at: number): number => view.getUint32(at, true);
     const major = view.getUint16(4, true);
-    support(major === 2, 'version of .ltgs', major, 2);
+    support(major === 3, 'version of .ltgs', major, 3);
     checkHash(bytes.subarray(0, 56), hex64(view.getBigUint64(56, true)), 'the header');
-    support(u32(8) < 2, 'feature bits', u32(8), '0 or 1');
+    support(u32(8) === 0, 'feature bits', u32(8), 0);
     support(bytes[25] < QUALITIES.length, 'profile', bytes[25], '0 to 3');
     const header = {
-        metaIsCompressed: u32(8) === 1,
         splats: u32(12),
         texels: u64At(view, 16),
         shDegree: bytes[24],

@@ -15,14 +15,16 @@ const CONSTANT = 1;
 const COMPRESSED = 2;
 
 /**
- * Decompresses one zstd frame (RFC 8878) of exactly `count` bytes, which bound memory and time whatever the frame says.
+ * Decompresses one zstd frame (RFC 8878) of exactly `count` bytes, which bound memory and time whatever the frame says. It may
+ * repeat bytes of `dictionary`, as if they stood before its own.
  * Checksums of frames are not checked: xxh3-64 covers all that is read here.
  */
-export function unpacked(coded: Uint8Array, count: number): Uint8Array {
+export function unpacked(coded: Uint8Array, count: number, dictionary = new Uint8Array()): Uint8Array {
     check(count <= EXPANSION_MAX * (coded.length + 1), `zstd: bytes from ${coded.length} coded ones`, count, 'fewer');
     let at = headerBytes(coded, count);
     const end = coded.length - (coded[4] & 4);
-    const sequences = new Sequences(new Uint8Array(count));
+    const sequences = new Sequences(new Uint8Array(dictionary.length + count));
+    sequences.append(dictionary);
     let huffman: HuffmanTable | undefined;
     for (let isLast = 0; isLast === 0; ) {
         expect(at + 3 <= end);
@@ -42,7 +44,7 @@ export function unpacked(coded: Uint8Array, count: number): Uint8Array {
         }
     }
     expect(at === end);
-    return sequences.done();
+    return sequences.done().subarray(dictionary.length);
 }
 
 /** Bytes of the frame's header (section 3.1.1.1). */
@@ -50,7 +52,7 @@ function headerBytes(coded: Uint8Array, count: number): number {
     expect(coded.length > 8 && viewOf(coded).getUint32(0, true) === MAGIC);
     const flags = coded[4];
     const isSingle = (flags & 32) !== 0;
-    // No dictionary, and no bit that is reserved.
+    // No number of a dictionary, and no bit that is reserved.
     expect((flags & 11) === 0);
     const sizeBytes = [isSingle ? 1 : 0, 2, 4, 8][flags >> 6];
     const first = isSingle ? 5 : 6;
