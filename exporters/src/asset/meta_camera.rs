@@ -180,8 +180,7 @@ mod tests {
             moved.fold(0.0, f64::max)
         };
         let found = worst(1.0);
-        println!("{found}");
-        assert!(found < 0.05 && found > 0.01, "{found}");
+        assert!(found < 0.05 && found > 0.01, "{found}"); // needed 0.021
         // Negative control: a digit less moves some by more.
         assert!(worst(10.0) > 0.05);
     }
