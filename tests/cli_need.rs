@@ -21,7 +21,7 @@ fn wall(dir: &Path) -> impl Fn(&str) -> Value {
     let arguments: Vec<&str> = ["sample", &capture].into_iter().chain(sample.split(' ')).collect();
     assert_eq!(run(&arguments).0, 0);
     move |words: &str| {
-        let train = "--steps 300 --seed 1 --device cpu --set background=#808080 --set backdrop=none --init sfm --set max-points=60 \
+        let train = "--steps 300 --device cpu --set background=#808080 --set backdrop=none --init sfm --set max-points=60 \
                      --force -q";
         let arguments: Vec<&str> = ["train", &capture, "-o", &out, "--test-list", &split]
             .into_iter()
@@ -39,28 +39,36 @@ fn wall(dir: &Path) -> impl Fn(&str) -> Value {
 fn models_that_are_good_enough_merge_neighbours_unless_a_budget_binds() {
     let dir = tempfile::tempdir().unwrap();
     let train = wall(dir.path());
-    // Splats merged in all rounds, and parameters of the model.
+    // Splats merged in all rounds, and parameters of the models, of three runs together; the lowest PSNR.
     let merged = |words: &str| {
-        let summary = train(words);
-        let rounds = summary["pruned"].as_array().unwrap();
-        let merged: u64 = rounds.iter().map(|round| round["merged"].as_u64().unwrap()).sum();
-        (merged, summary["size"]["params"].as_u64().unwrap(), summary["quality"]["psnr"].as_f64().unwrap())
+        let run = |seed: u32| {
+            let summary = train(&format!("--seed {seed} {words}"));
+            let rounds = summary["pruned"].as_array().unwrap();
+            let merged: u64 = rounds.iter().map(|round| round["merged"].as_u64().unwrap()).sum();
+            (
+                merged,
+                summary["size"]["params"].as_u64().unwrap(),
+                summary["quality"]["psnr"].as_f64().unwrap(),
+            )
+        };
+        let sum = |a: (u64, u64, f64), b: (u64, u64, f64)| (a.0 + b.0, a.1 + b.1, a.2.min(b.2));
+        (1..=3).map(run).reduce(sum).unwrap()
     };
     let (count, params, psnr) = merged("--set density.merge=true");
-    assert!(count > 10 && psnr > 40.0, "{count} splats, {psnr} dB");
+    assert!(count > 30 && psnr > 40.0, "{count} splats, {psnr} dB");
     // Negative controls: rounds that may not merge, a bar that the model does not reach, and a budget.
     let (count, unmerged, _) = merged("--set density.merge=false");
     assert!(count == 0 && 3 * unmerged > 4 * params, "{unmerged} and {params} parameters");
     assert_eq!(merged("--set density.floor-db=80").0, 0);
     let (count, within, _) = merged("--budget-params 900");
-    assert!(count == 0 && within <= 900, "{count}, {within}");
+    assert!(count == 0 && within <= 3 * 900, "{count}, {within}");
 }
 
 #[test]
 fn a_model_within_its_budget_is_pruned_by_need_only() {
     let dir = tempfile::tempdir().unwrap();
     let train = wall(dir.path());
-    let pruned = |words: &str| train(words)["pruned"].as_array().unwrap().clone();
+    let pruned = |words: &str| train(&format!("--seed 1 {words}"))["pruned"].as_array().unwrap().clone();
     let within = pruned("--need 0.05 --budget-params 1M");
     assert!(
         within.iter().any(|round| round["params"].as_u64() < round["params_before"].as_u64()),
