@@ -37,8 +37,8 @@ pub struct SampleArgs {
     /// clean, for --test-list
     #[arg(long, value_name = "NAME[:LEVEL]", long_help = stress_help())]
     stress: Option<Stress>,
-    /// Show another scene than the still life: one whose smallest model is known, to see what models grow to, or a poster
-    /// with noise as in photos, hard edges and lettering; test.txt lists the test photos
+    /// Show a scene other than the still life: one whose smallest model is known, to see what models grow to, or a poster
+    /// with noise as in photos, sharp borders and lettering; test.txt lists the test photos
     #[arg(long, value_name = "NAME[:LEVEL]", conflicts_with = "stress", long_help = scene_help())]
     scene: Option<NamedScene>,
     /// Write a video of N frames in place of photos and poses, once around the scene, blurred in two of three frames, for
@@ -63,9 +63,9 @@ fn stress_help() -> String {
 
 fn scene_help() -> String {
     format!(
-        "Show another scene than the still life: one whose smallest model is known, to see what models grow to, or a \
-         poster with noise as in photos, hard edges and lettering, of which no smallest model is known; test.txt lists the \
-         test photos, for --test-list. The colour around is #808080, for --set background=. NAME[:LEVEL], with default \
+        "Show a scene other than the still life: one whose smallest model is known, to see what models grow to, or a \
+         poster with noise as in photos, sharp borders and lettering, of which no smallest model is known; test.txt lists the \
+         test photos, for --test-list. The colour around it is #808080, for --set background=. NAME[:LEVEL], with default \
          levels: {}",
         NamedScene::help()
     )

@@ -1,7 +1,7 @@
 //! The backdrop: large splats behind the points, where rays of the training views meet no points, as in the sky or on
 //! blank walls (method 5.3). Without it, such pixels stay empty or fill with floaters.
 
-use super::footprint::{coarse, visit_cells};
+use super::cells::{coarse, visit_cells};
 use super::input::InitInput;
 use super::points::{LocalPoint, quantile};
 use super::random::local_from_cameras;

@@ -83,7 +83,7 @@ impl Default for InitOptions {
             sh_degree: 3,
             policy: Policy::Litetex,
             filter: Filter::None,
-            start: Start::Spacing,
+            start: Start::default(),
             seed: 42,
             backdrop_on: None,
             sweep_on: None,

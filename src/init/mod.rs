@@ -4,10 +4,10 @@
 mod backdrop;
 #[cfg(test)]
 mod backdrop_tests;
+mod cells;
 mod coverage;
 #[cfg(test)]
 mod coverage_tests;
-mod footprint;
 mod input;
 mod patch;
 mod points;
@@ -79,7 +79,7 @@ pub fn initial_model(input: &InitInput<'_>, options: &InitOptions) -> Result<Ini
     points.iter_mut().for_each(|point| point.quaternion = rotation(turned, &mut stream));
     splats::size_by_spacing(&mut points);
     if options.start == Start::Coverage {
-        coverage::shrink(&mut points, input);
+        coverage::size_by_coverage(&mut points, input);
     }
     points.append(&mut backdrop);
     let model = splats::model(input, &along_a_curve(&points), options)?;

@@ -3,7 +3,7 @@
 use super::*;
 use crate::capture::fixtures::Scene;
 use crate::capture::{Capture, LoadOptions};
-use crate::train::Policy;
+use crate::train::{Policy, Start};
 use crate::views::{Split, ViewSource as _};
 use tempfile::tempdir;
 
@@ -41,7 +41,7 @@ fn points_become_splats_with_the_documented_parameters() {
     let corners = [[0., 0., 0.], [2., 0., 0.], [0., 2., 0.], [2., 2., 0.], [0., 0., 20.]];
     scene.points = corners.map(|p| (p, [255, 0, 51])).to_vec();
     let capture = capture(&scene);
-    let options = InitOptions { policy: Policy::Fixed(4), ..InitOptions::default() };
+    let options = InitOptions { policy: Policy::Fixed(4), start: Start::Spacing, ..InitOptions::default() };
     let (model, report) = sparse(&capture, &options);
     assert_eq!(model.num_splats(), 5);
     assert!(report.warnings.is_empty(), "{report:?}");

@@ -17,8 +17,9 @@ const FAST_SIDE_PX: f64 = 1600.0;
 /// Steps at each size, after one that does not count.
 const STEPS: u32 = 3;
 
-/// Opacity of the splats that the trial draws. Trained splats hide what is behind them, those at the start do not, so the cost
-/// of the start says little: it depends on how many of them lie behind each other.
+/// Opacity of the splats in the trial. Trained splats hide what is behind them; initial ones do not, so their steps cost more, by
+/// how many lie behind each other. Steps planned for a minute over steps done, fox, flower, bonsai at 480 pixels, initial splats at
+/// the spacing: with opacity 0.1 1.5, 0.6, 0.6; with this 1.3, 0.7, 1.2.
 const OPACITY: f32 = 0.8;
 
 /// What was measured.

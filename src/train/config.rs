@@ -28,7 +28,7 @@ pub enum Backdrop {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Start {
-    /// Small and opaque where enough of them cover the scene, the spacing of the points elsewhere.
+    /// Small and opaque where enough of them cover the scene; elsewhere as large as the spacing of the points.
     #[default]
     Coverage,
     /// The spacing of the points, opacity 0.1 (3DGS).

@@ -166,6 +166,7 @@ mod tests {
     fn the_eta_accounts_for_growing_images_and_adapts_to_slowdowns() {
         let config = TrainConfig { steps: 1_000, ..TrainConfig::default() };
         let schedule = Schedule::new(&config, 43);
+        // Pixels for 14,000 splats: the model grows.
         let size = ExpectedSize::new(&config, &schedule, 10_000, 448_000.0);
         let course = Course { costs: StepCosts::CPU, size, pixels: 1e5, probes: 43.0, end_secs: 3.0 };
         let scale = |step: u32| if step < 500 { 4.0 } else { 1.0 };

@@ -608,7 +608,9 @@ def rotation_rows(rotation: list[float]) -> list[list[float]]:
 def read_about(data: bytes, count: int) -> dict:
     """The metadata, with the rotations of all cameras as `rotationRows`."""
     with open(WORDS, "rb") as file:
-        about = json.loads(unpacked(data, count, file.read()).decode())
+        text = unpacked(data, count, file.read())
+    check(len(text) == count, "bytes of the metadata", len(text), count)
+    about = json.loads(text.decode())
     for camera in about["meta"]["cameras"]:
         if "rotation" in camera:
             camera["rotationRows"] = rotation_rows(camera.pop("rotation"))

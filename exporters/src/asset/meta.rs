@@ -1,5 +1,5 @@
 //! All of an asset except its arrays, as a JSON object that glTF, USD, `.ltgs` and SPZ share. Numbers round-trip bit for
-//! bit.
+//! bit, except those of cameras in lossy `.ltgs` and in SPZ files (`meta_camera`).
 
 use crate::asset::meta_camera::MetaCamera;
 use crate::asset::overview::{Bounds, Overview};
@@ -69,7 +69,7 @@ impl Meta {
         }
     }
 
-    /// The metadata of an asset with short numbers of its cameras, which are most of the metadata of lossy files.
+    /// The metadata of an asset with short numbers of its cameras, which are most of the metadata of lossy `.ltgs` and of SPZ files.
     pub(crate) fn with_short_cameras(asset: &SplatAsset) -> Self {
         let short = |camera| MetaCamera::short(camera, asset.near);
         Self { cameras: asset.cameras.iter().map(short).collect(), ..Self::of(asset) }

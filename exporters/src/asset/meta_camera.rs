@@ -11,9 +11,9 @@ const LENS_PX: f64 = 0.01;
 const ROTATION_PX: f64 = 0.02;
 const TRANSLATION_PX: f64 = 0.02;
 
-/// Elements of a rotation matrix may differ by this from what a quaternion can say; more, and the matrix is kept. It is 0.002
-/// pixels at a focal length of 2,000.
-const NO_ROTATION: f64 = 1e-6;
+/// A matrix is kept if an element differs by more than this from that of the nearest quaternion's: 0.002 pixels at a focal length
+/// of 2,000.
+const ROTATION_TOLERANCE: f64 = 1e-6;
 
 /// A camera; the names of its fields are part of the formats.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -37,7 +37,7 @@ pub struct MetaCamera {
 pub enum Rotation {
     /// Its rows.
     RotationRows([[f64; 3]; 3]),
-    /// A quaternion wxyz of any length but 0, of which nothing finite follows.
+    /// A quaternion wxyz of any length but 0; with 0, the rows are not finite, and validation refuses them.
     #[serde(rename = "rotation")]
     Quaternion([f64; 4]),
 }
@@ -83,7 +83,8 @@ impl MetaCamera {
         };
         let tangent = reach(0).hypot(reach(1));
         let focal = camera.focal_px[0].abs().max(camera.focal_px[1].abs());
-        // Each step rounds by half of it at most, in two numbers, three of a quaternion whose angle counts twice, or three.
+        // Rounding moves a number by at most half a step: two focal lengths and two coordinates of the principal point; three numbers
+        // of the quaternion, of which an angle is twice as large; three of the translation.
         let lens = factor * LENS_PX / (0.5 * (2_f64.sqrt() + tangent));
         let rotation = factor * ROTATION_PX / (3_f64.sqrt() * focal * (1.0 + tangent * tangent));
         let translation = factor * TRANSLATION_PX * f64::from(near)
@@ -99,7 +100,7 @@ impl MetaCamera {
         let largest = q.into_iter().fold(0.0, |a: f64, b| if b.abs() > a.abs() { b } else { a });
         let mut q = q.map(|v| v / largest);
         let off = quaternion::rows(q).into_iter().flatten().zip(rows.into_iter().flatten());
-        if off.map(|(a, b)| (a - b).abs()).all(|off| off < NO_ROTATION) {
+        if off.map(|(a, b)| (a - b).abs()).all(|off| off < ROTATION_TOLERANCE) {
             round(&mut q, rotation);
             short.rotation = Rotation::Quaternion(q);
             // The camera stays where it is: its centre in the local frame is the negative of this.
