@@ -9,13 +9,13 @@ use glam::DVec2;
 pub(super) fn visit_cells(
     camera: &Camera,
     near: f32,
-    points: impl Iterator<Item = (usize, LocalPoint)>,
+    points: &[LocalPoint],
     (reach, least_cells): (f64, f64),
     mut visit: impl FnMut(usize, usize, f64),
 ) {
     let pinhole = &camera.pinhole;
     let (columns, rows) = (pinhole.width_px as usize, pinhole.height_px as usize);
-    for (index, point) in points {
+    for (index, point) in points.iter().enumerate() {
         let in_camera = camera.camera_from_local.transform_point(point.position_in_local());
         let Some(at) = pinhole.project(in_camera).filter(|_| in_camera.z > f64::from(near)) else {
             continue;
