@@ -68,6 +68,7 @@ mod tests {
         assert_eq!([rounded(-1.26e-20, 2), rounded(f64::INFINITY, 3)], [-1.3e-20, f64::INFINITY]);
         assert!(rounded(f64::NAN, 3).is_nan());
     }
+
     #[test]
     fn numbers_are_rounded_to_decimal_places() {
         let of = |step| to_decimals(-1234.56789, step);

@@ -9,9 +9,9 @@ use crate::{Error, Result};
 /// Bounds of the longer side that a plan may choose.
 const SIDES_PX: [u32; 8] = [160, 240, 320, 480, 640, 960, 1280, 1600];
 
-/// Images are the largest that leave time to show every training view this often or, if those are fewer steps, for this many steps
-/// per pixel of their longer side. Measured, one minute on two cores, views held out for the purpose, compared at 1600 pixels or full size (passes:
-/// PSNR / gradient-PSNR, dB). Fox: 320 pixels 56: 29.48 / 39.73, 480 44: 30.00 / 40.23, 640 30: 29.84 / 40.39, 960 11: 28.55 /
+/// Images are the largest that leave time to show every training view this often or, if those are fewer steps, for this many
+/// steps per pixel of their longer side. Measured, one minute on two cores, views held out for the purpose, compared at 1600
+/// pixels or full size (passes: PSNR / gradient-PSNR, dB). Fox: 320 pixels 56: 29.48 / 39.73, 480 44: 30.00 / 40.23, 640 30: 29.84 / 40.39, 960 11: 28.55 /
 /// 40.12; bonsai: 320 139: 27.39 / 36.63, 480 61: 27.65 / 37.19, 640 39: 27.51 / 37.15; flower: 320 133: 27.89 / 34.84, 480 52:
 /// 28.72 / 35.82, 640 32: 28.23 / 35.50. A video with 131 views: 320 pixels, 1,037 steps: 27.39 / 33.48, 480, 766: 27.55 / 33.93.
 /// So a minute of the fox takes 640 pixels, which gains 0.16 dB of gradient-PSNR and loses as much PSNR.

@@ -2,8 +2,8 @@
 """A second reader of `.ltgs` files, written from their specification alone.
 
 It shares no code with the program. Its only sources are `exporters/schema/ltgs.md`, whose sections comments cite, and
-`ltgs-words.txt` beside it. It checks
-all lengths and checksums of a file and the hash of the decoded arrays, and raises ValueError if anything is wrong.
+`ltgs-words.txt` beside it. It checks all lengths and checksums of a file and the hash of the decoded arrays, and raises
+ValueError if anything is wrong.
 
     second_ltgs.py FILE.ltgs...    checks files
 

@@ -5,7 +5,7 @@ use crate::Result;
 use crate::number::rounded;
 use serde::{Deserialize, Serialize};
 
-/// Digits of a step in a file: a step that is off by a two-thousandth is as good.
+/// Digits of a step in a file, which change it by at most a two-thousandth. Not measured.
 const DIGITS: usize = 4;
 
 /// Bounds of steps.
