@@ -54,7 +54,7 @@ pub use read::{Reader, decode};
 pub use sensitivities::Sensitivities;
 pub use steps::Steps;
 pub use vectors::coder_vectors;
-pub use write::{Effort, LtgsOptions, Rounded, encode, quantised, rounded};
+pub use write::{Effort, LtgsOptions, Rounded, encode, quantised, rounded, rounded_in_place};
 
 #[cfg(test)]
 mod tests;

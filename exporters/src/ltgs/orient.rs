@@ -77,6 +77,15 @@ impl Turn {
         map
     }
 
+    /// Indices within the old map of the texels of the new one, row by row.
+    fn sources(self, old: &AssetMap) -> impl Iterator<Item = usize> {
+        let (rows, cols) = if self.quarter { (old.cols, old.rows) } else { (old.rows, old.cols) };
+        let old = *old;
+        (0..rows.into())
+            .flat_map(move |row| (0..cols.into()).map(move |col| (row, col)))
+            .map(move |(row, col)| self.source(&old, row, col))
+    }
+
     /// Index within the old map of a texel of the new one.
     fn source(self, old: &AssetMap, row: usize, col: usize) -> usize {
         let new = self.map(old);
@@ -87,38 +96,87 @@ impl Turn {
     }
 }
 
+/// How a splat gets into the orientation of lossy files.
+struct Orientation {
+    turn: Turn,
+    /// The unit quaternion wxyz, and what it was multiplied with from the right.
+    rotation: [f64; 4],
+    change: [f64; 4],
+}
+
+impl Orientation {
+    fn of(asset: &SplatAsset, splat: usize) -> Self {
+        let q = asset.rotations[splat].map(f64::from);
+        let length = norm(q);
+        let q = q.map(|c| c / length);
+        let mut found = Self { turn: Turn::default(), rotation: q, change: [1.0, 0.0, 0.0, 0.0] };
+        if asset.scales[splat][0] < asset.scales[splat][1] {
+            found.turn.quarter = true;
+            found.change_by(QUARTER_N);
+        }
+        let [w, _, _, z] = found.rotation;
+        if w * w + z * z < 0.5 {
+            found.turn.half_around_u();
+            found.change_by(HALF_U);
+        }
+        if found.rotation[3].abs() > found.rotation[0].abs() {
+            found.turn.half_around_n();
+            found.change_by(HALF_N);
+        }
+        if found.rotation[0] < 0.0 {
+            found.change_by([-1.0, 0.0, 0.0, 0.0]);
+        }
+        found
+    }
+
+    fn change_by(&mut self, by: [f64; 4]) {
+        self.rotation = product(self.rotation, by);
+        self.change = product(self.change, by);
+    }
+
+    /// Standard deviations or texel sizes after the change, or before it.
+    fn swapped(&self, [u, v]: [f32; 2]) -> [f32; 2] {
+        if self.turn.quarter { [v, u] } else { [u, v] }
+    }
+}
+
 /// The asset with its splats in the orientation of lossy files; it looks the same, to the rounding of quaternions.
 pub fn oriented(asset: &SplatAsset) -> SplatAsset {
     let mut out = asset.clone();
     for splat in 0..asset.num_splats() {
-        let q = asset.rotations[splat].map(f64::from);
-        let length = norm(q);
-        let mut q = q.map(|c| c / length);
-        let mut turn = Turn::default();
-        if asset.scales[splat][0] < asset.scales[splat][1] {
-            turn.quarter = true;
-            q = product(q, QUARTER_N);
-            out.scales[splat].swap(0, 1);
-        }
-        if q[0] * q[0] + q[3] * q[3] < 0.5 {
-            turn.half_around_u();
-            q = product(q, HALF_U);
-        }
-        if q[3].abs() > q[0].abs() {
-            turn.half_around_n();
-            q = product(q, HALF_N);
-        }
-        let sign = if q[0] < 0.0 { -1.0 } else { 1.0 };
-        out.rotations[splat] = q.map(|c| (sign * c) as f32);
+        let found = Orientation::of(asset, splat);
+        out.scales[splat] = found.swapped(asset.scales[splat]);
+        out.rotations[splat] = found.rotation.map(|c| c as f32);
         let old = &asset.maps[splat];
-        out.maps[splat] = turn.map(old);
-        let (rows, cols) = (out.maps[splat].rows.into(), out.maps[splat].cols.into());
+        out.maps[splat] = found.turn.map(old);
         let texels = asset.texels_of(splat).as_chunks::<3>().0;
-        let first = 3 * old.offset_texels as usize;
-        let to = out.texels[first..].as_chunks_mut::<3>().0;
-        let places = (0..rows).flat_map(|row| (0..cols).map(move |col| (row, col)));
-        for (to, (row, col)) in to.iter_mut().zip(places) {
-            *to = texels[turn.source(old, row, col)];
+        let to = out.texels[3 * old.offset_texels as usize..].as_chunks_mut::<3>().0;
+        for (to, source) in to.iter_mut().zip(found.turn.sources(old)) {
+            *to = texels[source];
+        }
+    }
+    out
+}
+
+/// `asset` with the numbers of `from`, which was made of its [`oriented`] form and holds its splats in this order.
+pub fn as_given(asset: &SplatAsset, (from, order): (&SplatAsset, &[u32])) -> SplatAsset {
+    let mut out = asset.clone();
+    for (place, &splat) in order.iter().enumerate() {
+        let splat = splat as usize;
+        let found = Orientation::of(asset, splat);
+        out.positions[splat] = from.positions[place];
+        out.scales[splat] = found.swapped(from.scales[place]);
+        out.opacities[splat] = from.opacities[place];
+        let rotation = product(from.rotations[place].map(f64::from), conjugate(found.change));
+        out.rotations[splat] = rotation.map(|c| c as f32);
+        let width = from.sh_of(place).len();
+        out.sh[splat * width..][..width].copy_from_slice(from.sh_of(place));
+        let map = &mut out.maps[splat];
+        map.texel_sizes = found.swapped(from.maps[place].texel_sizes);
+        let texels = from.texels_of(place).as_chunks::<3>().0;
+        let to = out.texels[3 * map.offset_texels as usize..].as_chunks_mut::<3>().0;
+        for (texel, source) in texels.iter().zip(found.turn.sources(map)) {
+            to[source] = *texel;
         }
     }
     out
@@ -155,8 +213,23 @@ mod tests {
         all
     }
 
+    /// The splats of an asset in another order.
+    fn shuffled(asset: &SplatAsset, order: &[u32]) -> SplatAsset {
+        let mut out = SplatAsset { texels: Vec::new(), sh: Vec::new(), ..asset.clone() };
+        for (place, splat) in order.iter().map(|&splat| splat as usize).enumerate() {
+            out.positions[place] = asset.positions[splat];
+            out.rotations[place] = asset.rotations[splat];
+            out.scales[place] = asset.scales[splat];
+            out.opacities[place] = asset.opacities[splat];
+            out.maps[place] = AssetMap { offset_texels: out.num_texels() as u32, ..asset.maps[splat] };
+            out.texels.extend(asset.texels_of(splat));
+            out.sh.extend(asset.sh_of(splat));
+        }
+        out
+    }
+
     #[test]
-    fn splats_look_the_same_in_their_new_orientation() {
+    fn splats_look_the_same_in_their_new_orientation_and_turn_back() {
         let mut asset = fixture(60, 1);
         for (splat, map) in asset.maps.iter_mut().enumerate() {
             if map.num_texels() > 0 {
@@ -183,6 +256,22 @@ mod tests {
             }
         }
         assert!(changed > 20 && controls > 5, "{changed} {controls}");
+        // And back, from another order.
+        let order: Vec<u32> = (0..60).map(|place| (7 * place + 3) % 60).collect();
+        let shuffled = shuffled(&out, &order);
+        let back = as_given(&asset, (&shuffled, &order));
+        for splat in 0..asset.num_splats() {
+            let (q, r) = (asset.rotations[splat], back.rotations[splat]);
+            let length = norm(q.map(f64::from)) as f32;
+            // Needed 2e-7.
+            assert!((0..4).all(|c| (q[c] / length - r[c]).abs() < 1e-6), "splat {splat}: {q:?} {r:?}");
+        }
+        let given = |asset: SplatAsset| {
+            (asset.positions, asset.scales, asset.opacities, asset.sh, asset.maps, asset.texels)
+        };
+        assert_eq!(given(back), given(asset.clone()));
+        // Negative control: in the order of the asset.
+        assert_ne!(given(as_given(&asset, (&out, &order))), given(asset));
         // Nothing is left to turn.
         let again = oriented(&out);
         assert_eq!((again.maps, again.texels, again.scales), (out.maps, out.texels, out.scales));

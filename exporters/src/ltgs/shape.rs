@@ -12,6 +12,9 @@ pub const EXPONENT_MAX: i32 = 8;
 const ROTATION_STEP_MAX: f64 = 0.25;
 const LOG2_STEP_MAX: f64 = 1.0;
 
+/// Largest sine of half a swing or a twist, below that of 45 degrees by more than the rounding of f32.
+const SINE_MAX: f64 = std::f64::consts::FRAC_1_SQRT_2 - 1e-6;
+
 /// Bounds on the anisotropy to which the steps of twists are relative, without and with a map, and from above. Images change
 /// with the twist of an untextured splat in proportion to its anisotropy (measured on fox and lego down to 1/20), with that of a
 /// textured one at least as if it were 3/8.
@@ -146,11 +149,24 @@ pub fn value_texel_sizes(
     [mean - half, mean + half].map(|log2| (exp2(log2) as f32).clamp(f32::MIN_POSITIVE, f32::MAX))
 }
 
-/// Codes of a rotation wxyz: two of the swing, one of the twist.
+/// Codes of a rotation wxyz in the orientation of files: two of the swing, one of the twist. What they stand for is in that orientation
+/// too, if only just: rounded again, it would otherwise be turned, and its map be rounded in another order.
 pub fn code_rotation(quantiser: &Quantiser, shape: &Shape, q: [f32; 4]) -> [i32; 3] {
     let SwingTwist { swing: [x, y], twist } = SwingTwist::of(q.map(f64::from));
     let [tilt_step, twist_step] = shape.rotation_steps(quantiser);
-    [x / tilt_step, y / tilt_step, twist / twist_step].map(rounded)
+    let mut codes = [x / tilt_step, y / tilt_step, twist / twist_step].map(rounded);
+    let length = |codes: [i32; 3]| f64::from(codes[0]).hypot(codes[1].into()) * tilt_step;
+    // Rounding leads out by a step of each number at most.
+    for _ in 0..2 {
+        if length(codes) > SINE_MAX {
+            let longer = usize::from(codes[1].abs() > codes[0].abs());
+            codes[longer] -= codes[longer].signum();
+        }
+    }
+    if f64::from(codes[2].abs()) * twist_step > SINE_MAX {
+        codes[2] -= codes[2].signum();
+    }
+    codes
 }
 
 /// A unit quaternion wxyz.

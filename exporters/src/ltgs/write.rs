@@ -3,7 +3,7 @@
 use super::header::{Block, Entry, HEADER_BYTES, Header, MINOR, blocks_in_order};
 use super::layers::{PlannedChunk, chunks};
 use super::lossless;
-use super::orient::oriented;
+use super::orient::{as_given, oriented};
 use super::plan::{PerSplat, Plan};
 use super::splats::SplatCodes;
 use super::steps::{Quantiser, Steps};
@@ -133,6 +133,16 @@ fn rounded_valid(asset: &SplatAsset, steps: &Steps, per_splat: PerSplat<'_>) -> 
 pub fn quantised(asset: &SplatAsset, steps: &Steps, per_splat: PerSplat<'_>) -> Result<SplatAsset> {
     asset.validate()?;
     Ok(rounded_valid(&oriented(asset), steps, per_splat)?.asset)
+}
+
+/// An asset whose numbers are those that a reader of a lossy file with these steps gets, with its splats as they are.
+///
+/// # Errors
+/// As [`encode`].
+pub fn rounded_in_place(asset: &SplatAsset, steps: &Steps, per_splat: PerSplat<'_>) -> Result<SplatAsset> {
+    asset.validate()?;
+    let rounded = rounded_valid(&oriented(asset), steps, per_splat)?;
+    Ok(as_given(asset, (&rounded.asset, &rounded.order)))
 }
 
 /// Calls `of_chunk` with each chunk of layers with these numbers of splats, in parallel; returns the results in order.
