@@ -15,7 +15,7 @@ use serde::Serialize;
 /// lossless and balanced glTF, 89 for tiny ones.
 const FALLBACK_PSNR_MIN: f64 = 45.0;
 
-/// Mean PSNR against photos, dB.
+/// Mean PSNR and gradient-PSNR against photos, dB.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct PhotoPsnr {
     /// PSNR of the scene, with its textures.
@@ -24,6 +24,10 @@ pub struct PhotoPsnr {
     pub after: f64,
     /// PSNR of the file in a program that knows no textures.
     pub fallback: f64,
+    /// Gradient-PSNR of the scene.
+    pub grad_before: f64,
+    /// Gradient-PSNR of the file.
+    pub grad_after: f64,
 }
 
 /// How the images of a file compare with those of its scene.
@@ -146,13 +150,14 @@ pub fn verify(
     };
     if let Some(photos) = photos {
         let [before, after, fallback] = [
-            psnr_on_photos(photos, views, whole)?,
-            psnr_on_photos(photos, views, &images)?,
-            psnr_on_photos(photos, views, shown)?,
+            on_photos(photos, views, whole)?,
+            on_photos(photos, views, &images)?,
+            on_photos(photos, views, shown)?,
         ];
         let side = |i: usize| {
-            let (before, after, fallback) = (before[i]?, after[i]?, fallback[i]?);
-            Some(PhotoPsnr { before, after, fallback })
+            let ([before, grad_before], [after, grad_after], [fallback, _]) =
+                (before[i]?, after[i]?, fallback[i]?);
+            Some(PhotoPsnr { before, after, fallback, grad_before, grad_after })
         };
         (verdict.on_training_photos, verdict.on_test_photos) = (side(0), side(1));
     }
@@ -185,13 +190,13 @@ fn mean_of(found: &[RenderedImage], expected: &[RenderedImage], figure: impl Fn(
     figures.sum::<f64>() / expected.len() as f64
 }
 
-/// Mean PSNR of images on the photos of training views and on those of test views, dB.
-fn psnr_on_photos(
+/// Mean PSNR and gradient-PSNR of images on the photos of training views and on those of test views, dB.
+fn on_photos(
     photos: &dyn ViewSource,
     views: &[AssetCamera],
     images: &[RenderedImage],
-) -> Result<[Option<f64>; 2]> {
-    let mut psnrs = [Vec::new(), Vec::new()];
+) -> Result<[Option<[f64; 2]>; 2]> {
+    let mut figures = [Vec::new(), Vec::new()];
     for (view, image) in views.iter().zip(images) {
         let name = quoted(&view.name);
         let index = (0..photos.num_views()).find(|&v| photos.name(v) == view.name);
@@ -208,10 +213,14 @@ fn psnr_on_photos(
                 view.height_px
             ));
         }
-        psnrs[usize::from(view.held_out)].push(quality_of(&view.name, &image.rgb, &photo).psnr);
+        let quality = quality_of(&view.name, &image.rgb, &photo);
+        figures[usize::from(view.held_out)].push([quality.psnr, quality.grad_psnr]);
     }
-    let mean = |all: Vec<f64>| (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64);
-    Ok(psnrs.map(mean))
+    let mean = |all: Vec<[f64; 2]>| {
+        let mean = |i: usize| all.iter().map(|figures| figures[i]).sum::<f64>() / all.len() as f64;
+        (!all.is_empty()).then(|| [0, 1].map(mean))
+    };
+    Ok(figures.map(mean))
 }
 
 /// The limits that a file exceeds, in words.
