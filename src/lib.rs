@@ -27,6 +27,7 @@ pub mod model;
 pub mod reference;
 mod report;
 pub mod report_page;
+pub mod rounding;
 pub mod run;
 pub mod sample;
 pub mod selftest;

@@ -25,7 +25,7 @@ fn files_are_rounded_alike_on_every_driver() {
         let mut asset = asset.clone();
         // What images owe to only some splats: the others are nearly transparent.
         asset.opacities[seen..].iter_mut().for_each(|opacity| *opacity = 0.01);
-        BakedScene { asset, path: "scene".into(), contents: None }
+        BakedScene { asset, path: "scene".into(), contents: None, quantisation: None }
     };
     let rounding = |scene: &BakedScene, backend: &dyn Fn() -> Result<Box<dyn Backend>>| -> Rounding {
         let goal = RateGoal { quality: Quality::Tiny, max_bytes: None, max_loss_db: None, passes: 2 };

@@ -137,7 +137,7 @@ fn run_within(
         }
         Ok(Control::Continue)
     };
-    let (state, reason) = train_by(&timing, config, &mut backend, &views, start, &mut sink).unwrap();
+    let (state, reason) = train_by(&timing, config, &mut backend, None, &views, start, &mut sink).unwrap();
     assert_eq!(reason == StopReason::Consumer, stop.is_some());
     let end = secs.get();
     let etas = told.into_iter().map(|(then, left)| (then / end, left / (end - then).max(1e-9))).collect();

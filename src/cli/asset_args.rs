@@ -32,8 +32,8 @@ pub struct AssetArgs {
     #[arg(long)]
     pub force: bool,
     /// How long to look for a smaller .ltgs file, also inside glTF: above 1, numbers make up for the rounding of others, in two
-    /// passes over the views for each level [default: 1]
-    #[arg(long, conflicts_with = "max_size", value_name = "1-9", value_parser = whole::<u8>(1..=9))]
+    /// passes over the views for each level; with --max-size, for one nearer to the scene [default: 1]
+    #[arg(long, value_name = "1-9", value_parser = whole::<u8>(1..=9))]
     pub effort: Option<u8>,
     /// Do not verify the files by rendering them
     #[arg(long)]

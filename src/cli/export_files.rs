@@ -109,6 +109,9 @@ fn edit(scene: &mut BakedScene, args: &AssetArgs, go_on: GoOn<'_>, log: &Log) ->
         };
         return Err(usage!("{}: {why}", scene.path.display()));
     }
+    if asset.num_splats() < before {
+        scene.quantisation = None;
+    }
     if let Some(factor) = args.scale {
         asset.set_scale(factor);
         asset.provenance.scale =

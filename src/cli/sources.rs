@@ -57,7 +57,9 @@ pub fn load_scene(source: &Path, log: &Log) -> Result<(BakedScene, Option<Traine
     let mut report = Report::default();
     let asset = trained.bake(device::open("cpu", log)?.as_mut(), &mut report)?;
     log.report(&report);
-    Ok((BakedScene { asset, path: trained.path.clone(), contents: None }, Some(trained)))
+    // Of splats that are left out, no steps are known.
+    let quantisation = trained.quantisation.clone().filter(|r| r.exponents.len() == asset.num_splats());
+    Ok((BakedScene { asset, path: trained.path.clone(), contents: None, quantisation }, Some(trained)))
 }
 
 /// [`load_scene`], or the first layers of an asset.

@@ -1,6 +1,7 @@
 //! `litetex train`: from a job to a filled run folder.
 
 use super::asset_args::AssetArgs;
+use super::exported::Exports;
 use super::live_view::LiveView;
 use super::progress::Progress;
 use super::session::Session;
@@ -14,12 +15,18 @@ use litetex_exporters::ORIGIN_OPTION;
 use litetex_gs::capture::Capture;
 use litetex_gs::console::{Interrupt, Log, Output, device};
 use litetex_gs::memory::machine_bytes;
-use litetex_gs::run::{Recorder, ResourceEstimate, Summary, Workload, fresh_state};
+use litetex_gs::rounding::Rounder;
+use litetex_gs::run::{
+    Recorder, ResourceEstimate, RunConfig, SCENE, Summary, Workload, file_frame, fresh_state,
+};
 use litetex_gs::text::{counted, shell_word};
-use litetex_gs::train::{MOST_STEPS, Schedule, StopReason, Timing, TrainState, check_limits, train_by};
+use litetex_gs::train::{
+    MOST_STEPS, Schedule, StopReason, Timing, TrainState, check_limits, params_for_bytes, train_by,
+};
+use litetex_gs::verify::FileRounder;
 use litetex_gs::views::{Split, ViewSource as _};
 use litetex_gs::{Error, Report, Result};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -46,6 +53,9 @@ pub fn run(mut args: TrainArgs, nth: Option<usize>, log: &Log) -> Result<Output>
     outputs::check(None, &exports, &asset)?;
     let FinishedRun { summary, run, live } = finished.map_or_else(|| train_run(&args, log), Ok)?;
     let mut output = train_summary::output(&summary);
+    if let Some(written) = write_sized(&run, &args.device, log)? {
+        output = output.with("file", written.output());
+    }
     if !exports.is_empty() {
         let (scene, trained) = load_scene(&run, log)?;
         let written =
@@ -66,6 +76,16 @@ pub fn run(mut args: TrainArgs, nth: Option<usize>, log: &Log) -> Result<Output>
     log.print(output)?;
     live.stay(&run, log)?;
     Ok(Output::default())
+}
+
+/// Writes the file of a run that has a wanted size, unless it is there.
+fn write_sized(run: &Path, device: &str, log: &Log) -> Result<Option<Exports>> {
+    let file = run.join(SCENE);
+    let wanted = RunConfig::read(&run.join("config.toml"))?.train.max_bytes;
+    let Some(max_size) = wanted.filter(|_| !file.exists()) else { return Ok(None) };
+    let (scene, trained) = load_scene(run, log)?;
+    let args = AssetArgs { max_size: Some(max_size), ..AssetArgs::default() };
+    export_files::write_all((scene, trained.as_ref()), &[file], &args, device, log).map(Some)
 }
 
 /// The run that `--resume-or-start` finds finished, if it does.
@@ -109,6 +129,12 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<FinishedRun> {
     let mut capture = Arc::new(capture);
     let resumed = job.resume.as_ref().map(|resume| resume.summary());
     let loaded_secs = started.elapsed().as_secs_f64();
+    let statistics = || device::open("cpu", log);
+    if let Some(max_bytes) = job.config.train.max_bytes {
+        let file = FileRounder::new(file_frame(&capture, &job.config), max_bytes, &statistics, &|| true)?;
+        let bound = &mut job.config.train.budget.max_params;
+        *bound = bound.or_else(|| Some(params_for_bytes(file.splat_bytes())));
+    }
     let mut state = first_state(&mut job, &capture, &mut report, log)?;
     let earlier_secs = state.history.total_wall_secs;
     let mut backend = device::open(&job.device, log)?;
@@ -149,12 +175,18 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<FinishedRun> {
     let folder = job.open_folder(state.step)?;
     let total_secs = move || earlier_secs + started.elapsed().as_secs_f64();
     let interrupt = Interrupt::listen(log, "saving the run")?;
+    let go_on = || !interrupt.is_requested();
+    let rounder =
+        |max_bytes| FileRounder::new(file_frame(&capture, &job.config), max_bytes, &statistics, &go_on);
+    let mut rounder = job.config.train.max_bytes.map(rounder).transpose()?;
     let recorder = Recorder::new(&folder, &*capture, &job.config, state.step, total_secs)?;
     let progress = Progress::new(log, state.step, job.config.train.last_step());
-    let mut session = Session::new(recorder, progress, log, interrupt);
+    let mut session = Session::new(recorder, progress, log, interrupt.clone());
     let follow = |live: &LiveView| live.follow(&folder, &capture, &job.config, log);
     session.preview = live.as_ref().map(follow).transpose()?;
-    let outcome = train_by(&timing, &job.config.train, backend.as_mut(), &*capture, state, &mut |event| {
+    let rounder = rounder.as_mut().map(|rounder| rounder as &mut dyn Rounder);
+    let config = &job.config.train;
+    let outcome = train_by(&timing, config, backend.as_mut(), rounder, &*capture, state, &mut |event| {
         session.handle(event)
     });
     session.preview = None;

@@ -4,7 +4,7 @@ use super::capture_args::{CaptureArgs, set, set_some};
 use super::training_values::{View, parse_view};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use litetex_gs::console::values::{
-    parse_count, parse_decibels, parse_duration_secs, parse_shard, parse_whole, whole,
+    parse_bytes, parse_count, parse_decibels, parse_duration_secs, parse_shard, parse_whole, whole,
 };
 use litetex_gs::run::{InitSource, Profile, Purpose, RunConfig};
 use litetex_gs::train::{Policy, policies};
@@ -110,6 +110,10 @@ pub struct TrainingArgs {
     /// Largest number of parameters, such as 500k or 5M: a splat has 58 at SH degree 3 and 22 at degree 1, a texture map 2 and 3 per texel
     #[arg(long, value_name = "N", value_parser = parse_count, help_heading = "Budget")]
     pub budget_params: Option<usize>,
+    /// Size of the .ltgs file that the run ends with, RUN/scene.ltgs, such as 200kB: the model is pruned to fit and trained with
+    /// rounded numbers
+    #[arg(long, value_name = "SIZE", value_parser = parse_bytes, help_heading = "Budget")]
+    pub max_size: Option<u64>,
     /// End growth, and prune, where 10 % of the parameters improve the training views by less than this, dB of PSNR; 0: neither
     #[arg(long, value_name = "DB", value_parser = parse_decibels, help_heading = "Budget")]
     pub need: Option<f64>,
@@ -186,6 +190,11 @@ impl TrainArgs {
         if let Some(need) = t.need {
             config.train.density.need_db = need;
             config.train.density.prune_db = need;
+        }
+        if t.max_size.is_some() && config.train.max_bytes != t.max_size {
+            config.train.max_bytes = t.max_size;
+            // Unless given, it follows from the size.
+            config.train.budget.max_params = None;
         }
         set_some(&mut config.train.budget.max_params, &t.budget_params);
         set(&mut config.train.steps, t.steps);

@@ -14,7 +14,9 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// Files that a run writes next to the folders of its checkpoints and evaluations.
-const FILES: [&str; 5] = ["config.toml", "metrics.jsonl", "summary.json", PREVIEW, SCALE_FILE];
+const FILES: [&str; 6] = ["config.toml", "metrics.jsonl", "summary.json", SCENE, PREVIEW, SCALE_FILE];
+/// The file of a run that has a wanted size.
+pub const SCENE: &str = "scene.ltgs";
 /// The model of a training that is under way, as its page shows it: a `.ltgs` file that is replaced every few seconds.
 pub const PREVIEW: &str = "preview.ltgs";
 const CHECKPOINTS: &str = "checkpoints";
@@ -111,7 +113,8 @@ impl RunFolder {
         Ok(folder)
     }
 
-    /// The folder of a run that is continued; leftovers of an interrupted evaluation and an old preview are deleted.
+    /// The folder of a run that is continued; leftovers of an interrupted evaluation, an old preview and an old
+    /// scene are deleted.
     ///
     /// # Errors
     /// [`Error::Usage`] if the place of a file is taken by a device, a pipe or a folder; [`Error::Io`].
@@ -120,6 +123,7 @@ impl RunFolder {
         let folder = Self { root: root.to_owned(), _lock: lock };
         remove_staged(&folder.root.join(EVALUATIONS))?;
         remove_file(&folder.root.join(PREVIEW))?;
+        remove_file(&folder.root.join(SCENE))?;
         folder.remove_unfinished_checkpoints()?;
         Ok(folder)
     }

@@ -33,7 +33,7 @@ pub use config::{MAX_RESOLUTION_MIN, RunConfig, SaveImages};
 pub use evaluations::StagedFolder;
 pub use first_model::{fresh_model, fresh_state};
 pub use folder::{
-    PREVIEW, RUN_OR_CHECKPOINT, RunFolder, RunLock, check_empty, checkpoints_after, find_checkpoint,
+    PREVIEW, RUN_OR_CHECKPOINT, RunFolder, RunLock, SCENE, check_empty, checkpoints_after, find_checkpoint,
     holds_checkpoint, is_checkpoint, is_run, run_of_checkpoint,
 };
 pub use init_source::InitSource;
@@ -48,6 +48,6 @@ pub use summary::{
     CaptureFigures, DiskBytes, EndOfGrowth, Fps, GrowthFigures, Resumed, Size, Summary, TestFigures, Times,
 };
 pub use time_plan::{Plan, Situation, expected_secs};
-pub use trained::{Trained, config_of, render_options};
+pub use trained::{Trained, config_of, file_frame, render_options};
 pub use view_files::{image_name, write_per_view, write_view};
 pub use work::{Outcome, work_through};

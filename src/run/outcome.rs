@@ -114,6 +114,7 @@ impl Recorder<'_> {
                 train_cpu_secs: state.history.train_cpu_secs,
                 density_control_wall_secs: state.history.density_control_wall_secs,
                 prune_wall_secs: state.history.prune_wall_secs,
+                rounding_wall_secs: state.history.rounding_wall_secs,
                 analysis_wall_secs: state.history.analysis_wall_secs,
                 total_wall_secs: 0.0,
             },

@@ -185,6 +185,8 @@ pub struct Times {
     pub density_control_wall_secs: f64,
     /// Part of that for pruning after growth: probing, trials and checks.
     pub prune_wall_secs: f64,
+    /// Share of rounding the model as its file will hold it in the training time.
+    pub rounding_wall_secs: f64,
     /// Share of the analysis of the photos' spectra in the training time.
     pub analysis_wall_secs: f64,
     /// From the start of the command to the writing of this file, with the earlier parts of a resumed run.

@@ -5,14 +5,16 @@ use super::folder::{find_checkpoint, run_of_checkpoint};
 use super::scale::Scale;
 use super::summary::Summary;
 use crate::backend::{Backend, RenderOptions};
-use crate::bake::set_up;
+use crate::bake::{asset_cameras, set_up};
 use crate::camera::up::Up;
 use crate::capture::Capture;
 use crate::model::{AdamState, Model};
+use crate::rounding::Quantisation;
 use crate::train::checkpoint;
 use crate::verify::{
     CaptureIdentity, PSNR_TEST, bake_checkpoint, cameras_from_strings, metric_from_strings, up_from_strings,
 };
+use crate::views::ViewSource as _;
 use crate::{Error, Report, Result};
 use litetex_exporters::{AssetCamera, METRES, Provenance, SplatAsset, UNKNOWN_SCALE};
 use std::collections::BTreeMap;
@@ -34,6 +36,8 @@ pub struct Trained {
     pub identity: CaptureIdentity,
     /// Cameras of the run.
     pub cameras: Vec<AssetCamera>,
+    /// How its numbers are rounded, if it was trained as its file will hold it.
+    pub quantisation: Option<Quantisation>,
     /// Which direction of the capture is up.
     pub up: Up,
     /// The program by whose poses a unit of the capture is a metre, if they say so.
@@ -59,6 +63,11 @@ impl Trained {
         Ok(Self {
             path,
             step: state.step,
+            // Of a run that goes on, the numbers are not those of a file.
+            quantisation: state
+                .rounded
+                .filter(|last| last.is_last && last.step == state.step)
+                .map(|last| last.steps),
             model: state.model,
             adam: state.adam,
             config,
@@ -96,8 +105,9 @@ impl Trained {
     pub fn bake(&self, backend: &mut dyn Backend, report: &mut Report) -> Result<SplatAsset> {
         let model = (&self.model, &self.adam);
         let background = self.config.train.background;
+        let provenance = provenance(&self.config, self.step, self.test_psnr());
         let mut asset =
-            bake_checkpoint(backend, model, self.cameras.clone(), background, self.provenance(), report)?;
+            bake_checkpoint(backend, model, self.cameras.clone(), background, provenance, report)?;
         set_up(&mut asset, &self.up);
         if let Some(scale) = &self.scale {
             asset.set_scale(scale.metres_per_unit);
@@ -113,26 +123,7 @@ impl Trained {
 
     /// The same, if no scale had been measured.
     pub fn scale_words_unmeasured(&self) -> String {
-        let of_poses = |program| format!("{METRES}: as the poses of {program} are");
-        self.metric.as_ref().map_or_else(|| UNKNOWN_SCALE.to_owned(), of_poses)
-    }
-
-    /// What an asset states about its training.
-    fn provenance(&self) -> Provenance {
-        let config = &self.config;
-        let name = config.data.as_deref().and_then(Path::file_name).unwrap_or_default();
-        let name = name.to_string_lossy().into_owned();
-        let train = &config.train;
-        let mut training = BTreeMap::from([
-            ("steps".to_owned(), self.step.to_string()),
-            ("profile".to_owned(), config.profile.name().to_owned()),
-            ("policy".to_owned(), train.policy.to_string()),
-            ("seed".to_owned(), train.seed.to_string()),
-        ]);
-        if let Some(psnr) = self.test_psnr() {
-            training.insert(PSNR_TEST.to_owned(), format!("{psnr:.3}"));
-        }
-        Provenance { title: name.clone(), source: name, training, ..Provenance::default() }
+        scale_words(self.metric.as_deref())
     }
 
     /// The test PSNR in the summary of the run, if it belongs to the checkpoint's step.
@@ -141,6 +132,43 @@ impl Trained {
         let summary = Summary::read(&run.join("summary.json")).ok()?;
         (summary.steps == self.step).then_some(summary.quality?.evaluation.psnr)
     }
+}
+
+/// What an asset states about its training.
+fn provenance(config: &RunConfig, step: u32, test_psnr: Option<f64>) -> Provenance {
+    let name = config.data.as_deref().and_then(Path::file_name).unwrap_or_default();
+    let name = name.to_string_lossy().into_owned();
+    let train = &config.train;
+    let mut training = BTreeMap::from([
+        ("steps".to_owned(), step.to_string()),
+        ("profile".to_owned(), config.profile.name().to_owned()),
+        ("policy".to_owned(), train.policy.to_string()),
+        ("seed".to_owned(), train.seed.to_string()),
+    ]);
+    if let Some(psnr) = test_psnr {
+        training.insert(PSNR_TEST.to_owned(), format!("{psnr:.3}"));
+    }
+    Provenance { title: name.clone(), source: name, training, ..Provenance::default() }
+}
+
+/// Whether a unit of exports is a metre, by the program whose poses say so.
+fn scale_words(metric: Option<&str>) -> String {
+    let of_poses = |program| format!("{METRES}: as the poses of {program} are");
+    metric.map_or_else(|| UNKNOWN_SCALE.to_owned(), of_poses)
+}
+
+/// What the file of a run holds besides splats, as far as it is known before the training.
+pub fn file_frame(capture: &Capture, config: &RunConfig) -> SplatAsset {
+    let mut frame = SplatAsset {
+        cameras: asset_cameras(capture),
+        background: config.train.background,
+        // As many digits as the figure will have.
+        provenance: provenance(config, config.train.last_step(), Some(10.0)),
+        ..SplatAsset::default()
+    };
+    frame.provenance.scale = scale_words(capture.metric());
+    set_up(&mut frame, &capture.up());
+    frame
 }
 
 /// The settings that a checkpoint carries.

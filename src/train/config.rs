@@ -100,6 +100,15 @@ impl Default for RateConfig {
 /// Steps done when the length of a run changed, and steps of the whole run from then on.
 pub type LengthChange = [u32; 2];
 
+/// Bytes of the file per parameter at [`params_for_bytes`]; pruned models have 0.37 to 0.42.
+const BYTES_PER_PARAM: f64 = 0.35;
+
+/// Most parameters of a model in training for a `.ltgs` file with this many bytes for splats; pruning by bytes leaves fewer
+/// (method 10.1).
+pub fn params_for_bytes(splat_bytes: f64) -> usize {
+    (splat_bytes / BYTES_PER_PARAM) as usize
+}
+
 /// Settings of a training run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
@@ -121,6 +130,9 @@ pub struct TrainConfig {
     pub components: Components,
     /// Upper bounds on the model's size. Default none.
     pub budget: Budget,
+    /// Size of the `.ltgs` file with which the run ends, bytes: its numbers are trained as they are rounded. Default none
+    /// (method 10).
+    pub max_bytes: Option<u64>,
     /// Density control.
     pub density: DensityConfig,
     /// Frequency schedule.
@@ -165,6 +177,7 @@ impl Default for TrainConfig {
             policy: Policy::Litetex,
             components: Components::default(),
             budget: Budget::default(),
+            max_bytes: None,
             density: DensityConfig::default(),
             scheduler: FrequencyOptions::default(),
             sweep: true,

@@ -26,7 +26,7 @@ mod step_costs;
 mod targets;
 mod window;
 
-pub use config::{Backdrop, Exposure, LengthChange, RateConfig, Start, TrainConfig};
+pub use config::{Backdrop, Exposure, LengthChange, RateConfig, Start, TrainConfig, params_for_bytes};
 pub use density::{FirstMap, Policy, PolicySpec, Rule, policies};
 pub use eta::{Course, Remaining};
 pub use evaluate::{Evaluated, evaluate};

@@ -6,6 +6,7 @@ use super::prune::Pruned;
 use crate::backend::WindowStatistics;
 use crate::frequency::SplatBudget;
 use crate::model::{AdamState, Model, ModelSize};
+use crate::rounding::LastRounding;
 use serde::{Deserialize, Serialize};
 
 /// Size of a model, as events tell it.
@@ -56,6 +57,9 @@ pub struct TrainHistory {
     /// The part of that spent on pruning after growth.
     #[serde(default)]
     pub prune_wall_secs: f64,
+    /// The part of the training time spent on rounding.
+    #[serde(default)]
+    pub rounding_wall_secs: f64,
     /// The part of the training time spent on the analysis of the photos' spectra.
     #[serde(default)]
     pub analysis_wall_secs: f64,
@@ -103,6 +107,8 @@ pub struct TrainState {
     pub growth: Growth,
     /// Loss of each view when it was last rendered at the current image size; 0: not yet. Empty before the first step.
     pub view_losses: Vec<f32>,
+    /// The last rounding, if the model is trained as its file will hold it.
+    pub rounded: Option<LastRounding>,
     /// Times and evaluations.
     pub history: TrainHistory,
 }
@@ -126,6 +132,7 @@ impl TrainState {
             pace: SplatBudget::new(0),
             growth: Growth::default(),
             view_losses: Vec::new(),
+            rounded: None,
             history: TrainHistory::default(),
         }
     }

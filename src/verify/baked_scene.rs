@@ -3,6 +3,7 @@
 use crate::backend::Backend;
 use crate::bake::bake;
 use crate::model::{AdamState, Model};
+use crate::rounding::Quantisation;
 use crate::{Report, Result};
 use litetex_exporters::{AssetCamera, Contents, Provenance, ReadLimits, SplatAsset, read_asset};
 use std::path::{Path, PathBuf};
@@ -15,6 +16,8 @@ pub struct BakedScene {
     pub path: PathBuf,
     /// What else the file of an asset holds; its `asset` has been moved out. `None` for a checkpoint.
     pub contents: Option<Box<Contents>>,
+    /// How its numbers are rounded, if it was trained as its file will hold it.
+    pub quantisation: Option<Quantisation>,
 }
 
 impl BakedScene {
@@ -25,7 +28,7 @@ impl BakedScene {
     pub fn read(path: &Path, limits: &ReadLimits) -> Result<Self> {
         let mut contents = read_asset(path, limits)?;
         let asset = std::mem::take(&mut contents.asset);
-        Ok(Self { asset, path: path.to_owned(), contents: Some(Box::new(contents)) })
+        Ok(Self { asset, path: path.to_owned(), contents: Some(Box::new(contents)), quantisation: None })
     }
 }
 

@@ -7,23 +7,19 @@ use super::contribution::Contribution;
 use super::difference::{Difference, EXPORT_VIEWS, evenly_spread, loss_db, mse_to_photos, target_of};
 use super::limits::QualityLimits;
 use super::renderer::{GoOn, SceneRenderer};
+use super::scaled_steps::{FACTOR_LOG2, ROUNDS, Scaled, coarsest, factor_of_size, resolution, size_of};
 use super::sensitivity::sensitivities;
 use crate::backend::{Backend, RenderedImage};
 use crate::eval::psnr_from_mse;
+use crate::rounding::Quantisation;
 use crate::text::format_bytes;
 use crate::{Report, Result};
-use litetex_exporters::ltgs::{
-    LtgsOptions, PerSplat, Sensitivities, Steps, encode, oriented, quantised, rounded,
-};
+use litetex_exporters::ltgs::{PerSplat, Sensitivities, Steps, oriented, quantised, rounded};
 use litetex_exporters::{AssetCamera, Quality, SplatAsset};
 
 /// Training views at which sensitivities are measured and the loop is closed; the search itself uses [`EXPORT_VIEWS`]. Steps
 /// are confirmed at all views, test views among them.
-const MEASURED_VIEWS: usize = 48;
-/// Bounds of the factor on all steps, as powers of two.
-const FACTOR_LOG2: [f64; 2] = [-6.0, 6.0];
-/// The factor is found to 3 %: `12 / 2^8` powers of two.
-const ROUNDS: u32 = 8;
+pub(super) const MEASURED_VIEWS: usize = 48;
 /// Share of the allowed loss that is used: other views may lose a little more.
 const USED_SHARE: f64 = 0.95;
 
@@ -56,14 +52,17 @@ impl RateGoal {
         }
         let [measured, searched] = [MEASURED_VIEWS, EXPORT_VIEWS].map(|most| training.min(most));
         let (confirmations, before) = (2 * all, 2 * measured + searched);
+        // Passes, and the comparisons after them.
+        let closed = |confirmations: usize| match self.passes {
+            0 => 0,
+            passes => (1 + passes as usize) * measured + confirmations,
+        };
         if self.max_bytes.is_some() {
-            return before + 2 * confirmations;
+            return before + 2 * confirmations + closed(2 * confirmations);
         }
         // What the file guarantees, where a bound replaces the limits of its quality.
         let found = if self.max_loss_db.is_some() { 2 * confirmations } else { 0 };
-        let closed =
-            if self.passes == 0 { 0 } else { (1 + self.passes as usize) * measured + 3 * confirmations };
-        before + (1 + ROUNDS as usize) * searched + confirmations + closed + found
+        before + (1 + ROUNDS as usize) * searched + confirmations + closed(3 * confirmations) + found
     }
 
     /// The limits that replace those of the quality; `None` if neither bound is given.
@@ -110,30 +109,6 @@ impl Rounding {
     }
 }
 
-/// Steps that a factor scales, and what is known of the splats.
-#[derive(Clone, Copy)]
-struct Scaled<'a> {
-    base: Steps,
-    per_splat: PerSplat<'a>,
-}
-
-impl<'a> Scaled<'a> {
-    /// Steps for a factor, given as a power of two.
-    fn steps(&self, factor_log2: f64) -> Steps {
-        self.base.scaled(factor_log2.exp2())
-    }
-
-    /// Options of a file with steps for a factor.
-    fn options(&self, quality: Quality, factor_log2: f64) -> LtgsOptions<'a> {
-        LtgsOptions {
-            quality,
-            steps: Some(self.steps(factor_log2)),
-            per_splat: self.per_splat,
-            ..LtgsOptions::default()
-        }
-    }
-}
-
 /// Finds the coarsest rounding that reaches the goal, or for a bounded size the finest.
 ///
 /// # Errors
@@ -148,6 +123,9 @@ pub fn find_rounding(
         return lossless(goal);
     }
     scene.asset.validate()?;
+    if let Some(rounding) = as_trained(scene, goal)? {
+        return Ok(rounding);
+    }
     let asset = &oriented(&scene.asset);
     let training: Vec<AssetCamera> = asset.cameras.iter().filter(|c| !c.held_out).cloned().collect();
     if training.is_empty() {
@@ -164,15 +142,20 @@ pub fn find_rounding(
     let scaled = Scaled { base, per_splat };
     let mut search = Search::new(asset, scaled, evenly_spread(&training, EXPORT_VIEWS), renderer)?;
     if let Some(most) = goal.max_bytes {
-        let mut factor = factor_of_size(asset, goal.quality, scaled, most)?;
-        let mut quality = search.quality_of(asset, &scaled.steps(factor))?;
+        let adapted = match goal.passes {
+            0 => None,
+            passes => search.adapted_to_size((backends, &found), &measured, goal.quality, (most, passes))?,
+        };
+        let shown = adapted.as_ref().unwrap_or(asset);
+        let mut factor = finest_that_fits(shown, goal.quality, scaled, most)?;
+        let mut quality = search.quality_of(shown, &scaled.steps(factor))?;
         // The file states the quality that it turns out to have, in as many bytes as its name takes.
-        while size_of(asset, quality, scaled, factor)? > most {
-            factor = factor_of_size(asset, quality, scaled, most)?.max(factor + resolution());
-            quality = search.quality_of(asset, &scaled.steps(factor))?;
+        while size_of(shown, quality, scaled, factor)? > most {
+            factor = finest_that_fits(shown, quality, scaled, most)?.max(factor + resolution());
+            quality = search.quality_of(shown, &scaled.steps(factor))?;
         }
         let steps = Some(scaled.steps(factor));
-        return Ok(Rounding { quality, steps, exponents, contributions, adapted: None });
+        return Ok(Rounding { quality, steps, exponents, contributions, adapted });
     }
     let limits = goal.own_limits().unwrap_or(QualityLimits::of(goal.quality));
     let factor = search.coarsest_within(&limits)?.ok_or_else(|| {
@@ -191,6 +174,32 @@ pub fn find_rounding(
     Ok(Rounding { quality, steps: Some(steps), exponents, contributions, adapted })
 }
 
+/// The rounding with which a scene was trained, if it reaches the goal: it loses nothing.
+fn as_trained(scene: &BakedScene, goal: &RateGoal) -> Result<Option<Rounding>> {
+    let Some(trained) = scene.quantisation.clone() else { return Ok(None) };
+    let steps = trained.steps();
+    let Quantisation { exponents, contributions, .. } = trained;
+    let quality = if goal.max_bytes.is_some() { Quality::Balanced } else { goal.quality };
+    let per_splat = PerSplat { exponents: &exponents, contributions: &contributions };
+    let most = goal.max_bytes.unwrap_or(u64::MAX);
+    let fits = goal.max_loss_db.is_none()
+        && size_of(&scene.asset, quality, Scaled { base: steps, per_splat }, 0.0)? <= most;
+    let rounding = Rounding { quality, steps: Some(steps), exponents, contributions, adapted: None };
+    Ok(fits.then_some(rounding))
+}
+
+/// [`factor_of_size`], or an error that says what helps.
+fn finest_that_fits(asset: &SplatAsset, quality: Quality, scaled: Scaled<'_>, most: u64) -> Result<f64> {
+    factor_of_size(asset, quality, scaled, most)?.map_err(|bytes| {
+        usage!(
+            "--max-size {}: the coarsest file has {}; leave splats out with --crop or --min-contribution, or train \
+             a smaller scene with --max-size",
+            format_bytes(most),
+            format_bytes(bytes)
+        )
+    })
+}
+
 fn lossless(goal: &RateGoal) -> Result<Rounding> {
     let contradicted = goal.max_bytes.map(|_| "--max-size").or(goal.max_loss_db.map(|_| "--max-loss"));
     match contradicted {
@@ -206,7 +215,7 @@ fn unmeasured(scene: &BakedScene, goal: &RateGoal, report: &mut Report) -> Resul
     let steps = match (goal.max_bytes, goal.max_loss_db) {
         (Some(most), _) => {
             let scaled = Scaled { base, per_splat: PerSplat::default() };
-            scaled.steps(factor_of_size(asset, Quality::Custom, scaled, most)?)
+            scaled.steps(finest_that_fits(asset, Quality::Custom, scaled, most)?)
         }
         (None, Some(_)) => {
             return Err(usage!(
@@ -221,51 +230,6 @@ fn unmeasured(scene: &BakedScene, goal: &RateGoal, report: &mut Report) -> Resul
         }
     };
     Ok(Rounding { steps: Some(steps), ..Rounding::plain(Quality::Custom) })
-}
-
-/// Bytes of a file with steps for a factor.
-fn size_of(asset: &SplatAsset, quality: Quality, scaled: Scaled<'_>, factor: f64) -> Result<u64> {
-    Ok(encode(asset, &scaled.options(quality, factor))?.len() as u64)
-}
-
-/// The factor of the finest steps that make a file of this quality of at most `most` bytes.
-fn factor_of_size(asset: &SplatAsset, quality: Quality, scaled: Scaled<'_>, most: u64) -> Result<f64> {
-    let size = |factor: f64| size_of(asset, quality, scaled, factor);
-    let factor = coarsest(|factor| Ok(size(factor)? > most))?;
-    // One notch coarser than the last that is too large.
-    let factor = factor.map_or(FACTOR_LOG2[0], |f| f + resolution());
-    let bytes = size(factor)?;
-    if bytes > most {
-        return Err(usage!(
-            "--max-size {}: the coarsest file has {}; leave splats out with --crop or --min-contribution, or train \
-             a smaller scene with --budget-params",
-            format_bytes(most),
-            format_bytes(bytes)
-        ));
-    }
-    Ok(factor)
-}
-
-fn resolution() -> f64 {
-    (FACTOR_LOG2[1] - FACTOR_LOG2[0]) / f64::from(1_u32 << ROUNDS)
-}
-
-/// The largest factor, as a power of two, for which `holds` is true; it must be monotonic. `None` if it never is.
-fn coarsest(mut holds: impl FnMut(f64) -> Result<bool>) -> Result<Option<f64>> {
-    let (mut low, mut high) = (0_u32, 1_u32 << ROUNDS);
-    let at = |i: u32| FACTOR_LOG2[0] + f64::from(i) * resolution();
-    if !holds(at(0))? {
-        return Ok(None);
-    }
-    while high - low > 1 {
-        let middle = low.midpoint(high);
-        if holds(at(middle))? {
-            low = middle;
-        } else {
-            high = middle;
-        }
-    }
-    Ok(Some(at(low)))
 }
 
 /// A scene with its images, with which those of rounded scenes are compared.
@@ -334,16 +298,7 @@ impl<'a> Search<'a> {
         (open, passes): (f64, u32),
     ) -> Result<(f64, Option<SplatAsset>)> {
         let (scaled, asset) = (self.scaled, self.asset);
-        let mut closed = ClosedLoop {
-            backend: (backends.statistics)()?,
-            views: Vec::new(),
-            sensitivities,
-            go_on: backends.go_on,
-        };
-        for view in views {
-            let images = self.renderer.images(asset, std::slice::from_ref(view))?;
-            closed.views.extend(images.iter().map(|image| (view.clone(), target_of(image))));
-        }
+        let mut closed = self.closed_loop((backends, sensitivities), views)?;
         let allowed = self.mse_within(limits);
         let (mut adapted, mut factor) = (asset.clone(), open);
         for pass in 0..passes {
@@ -369,11 +324,50 @@ impl<'a> Search<'a> {
         {
             factor += resolution();
         }
-        let bytes = |asset: &SplatAsset, factor: f64| -> Result<usize> {
-            Ok(encode(asset, &scaled.options(Quality::Custom, factor))?.len())
-        };
+        let bytes = |asset: &SplatAsset, factor: f64| size_of(asset, Quality::Custom, scaled, factor);
         let is_smaller = bytes(&adapted, factor)? < bytes(asset, open)?;
         Ok(if is_smaller { (factor, Some(adapted)) } else { (open, None) })
+    }
+
+    /// The scene with its numbers moved by the closed loop for a file of a wanted size; `None` if that does not bring the images of
+    /// the file nearer to those of the scene.
+    fn adapted_to_size(
+        &mut self,
+        (backends, sensitivities): (&Backends<'_>, &Sensitivities),
+        views: &[AssetCamera],
+        quality: Quality,
+        (most, passes): (u64, u32),
+    ) -> Result<Option<SplatAsset>> {
+        let (scaled, asset) = (self.scaled, self.asset);
+        let open = finest_that_fits(asset, quality, scaled, most)?;
+        let mut closed = self.closed_loop((backends, sensitivities), views)?;
+        let mut adapted = asset.clone();
+        for _ in 0..passes {
+            let now = rounded(&adapted, &scaled.steps(open), scaled.per_splat)?;
+            closed.pass(&mut adapted, &now)?;
+        }
+        drop(closed);
+        let factor = finest_that_fits(&adapted, quality, scaled, most)?;
+        let mut error = |asset: &SplatAsset, factor: f64| -> Result<f64> {
+            let errors = self.errors(asset, &scaled.steps(factor))?;
+            Ok(errors.map_or(f64::INFINITY, |errors| errors.iter().sum()))
+        };
+        Ok((error(&adapted, factor)? < error(asset, open)?).then_some(adapted))
+    }
+
+    /// A closed loop towards the images of the scene at these views.
+    fn closed_loop<'s>(
+        &mut self,
+        (backends, sensitivities): (&Backends<'s>, &'s Sensitivities),
+        views: &[AssetCamera],
+    ) -> Result<ClosedLoop<'s>> {
+        let backend = (backends.statistics)()?;
+        let mut closed = ClosedLoop { backend, views: Vec::new(), sensitivities, go_on: backends.go_on };
+        for view in views {
+            let images = self.renderer.images(self.asset, std::slice::from_ref(view))?;
+            closed.views.extend(images.iter().map(|image| (view.clone(), target_of(image))));
+        }
+        Ok(closed)
     }
 
     /// The mean squared error that just keeps the limits of the mean.
@@ -390,7 +384,13 @@ impl<'a> Search<'a> {
         steps: &Steps,
         limits: &QualityLimits,
     ) -> Result<bool> {
-        let Ok(rounded) = quantised(adapted, steps, self.scaled.per_splat) else { return Ok(false) };
+        Ok(self.errors(adapted, steps)?.is_some_and(|errors| self.are_within(&errors, limits)))
+    }
+
+    /// Mean squared errors of the scene with its numbers moved and rounded, at all views; `None` for steps that are too coarse for the
+    /// format.
+    fn errors(&mut self, adapted: &SplatAsset, steps: &Steps) -> Result<Option<Vec<f64>>> {
+        let Ok(rounded) = quantised(adapted, steps, self.scaled.per_splat) else { return Ok(None) };
         let mut errors = Vec::new();
         // A few at a time: images are large.
         for views in self.asset.cameras.chunks(EXPORT_VIEWS) {
@@ -398,7 +398,7 @@ impl<'a> Search<'a> {
             let images = self.renderer.images(&rounded, views)?;
             errors.extend(images.iter().zip(&expected).map(|(i, e)| Difference::mse_of(i, e)));
         }
-        Ok(self.are_within(&errors, limits))
+        Ok(Some(errors))
     }
 
     /// See [`are_within`].
@@ -417,24 +417,4 @@ pub(super) fn are_within(errors: &[f64], mse_to_photos: f64, limits: &QualityLim
     within(mean(&losses), limits.max_loss_db)
         && within(losses.iter().copied().fold(0.0, f64::max), limits.max_loss_worst_db)
         && limits.min_psnr.is_none_or(|least| mean(&psnrs) >= least + PSNR_MARGIN)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_coarsest_steps_within_the_limit_are_found() {
-        for limit in [-5.9, -0.3, 0.0, 2.22, 5.99] {
-            let mut asked = 0;
-            let found = coarsest(|factor| {
-                asked += 1;
-                Ok(factor <= limit)
-            });
-            let found = found.unwrap().unwrap();
-            assert!(found <= limit && found > limit - resolution(), "{limit}: {found}");
-            assert!(asked <= ROUNDS + 1);
-        }
-        assert_eq!(coarsest(|_| Ok(false)).unwrap(), None);
-    }
 }

@@ -17,108 +17,35 @@
 //! | `state.view_losses` | f32 `[views]`: loss of each view when it was last rendered; 0: not at this size |
 //! | `state.growth` | f64 `[4]`: loss and parameters at the end of the window before, 0 if unknown; idle windows; step of the end |
 //! | `exposure.maps`, `exposure.sums` | f32 `[v,3,4]`, f64 `[v,22]`: the sums of the epoch; v = views, or 0 without correction |
+//! | `rounded.*` | of a model that is trained as its file will hold it: see `rounded.rs` |
 //! | `window.views`, `window.counts`, `window.sums` | u32 `[views]`, u32 `[n + 1]`: views counted, views that saw each; f32 `[3,n]` |
 
 use super::reader::{Reader, f32s, f64s, i16s, u16s, u32s};
+use super::rounded;
+use super::tensor::{Data, Tensor, arrays, put_arrays};
 use crate::Result;
 use crate::backend::{ColourMap, ColourSums, NUM_COLOUR_SUMS, WindowStatistics};
 use crate::camera::Similarity;
 use crate::constants::{SH_DEGREE_MAX, sh_coefficients};
 use crate::frequency::SplatBudget;
-use crate::model::{
-    AdamState, Filter, LearningRates, Model, SplatArrays, SplatGroup, TextureMap, TexturePool,
-};
+use crate::model::{AdamState, Filter, LearningRates, Model, TextureMap, TexturePool};
 use crate::train::density::{Growth, SplatHistory};
 use crate::train::{Exposures, TrainHistory, TrainState};
 use glam::DVec3;
-use safetensors::{Dtype, View};
-use std::borrow::Cow;
+use safetensors::Dtype;
 use std::collections::BTreeMap;
-
-/// An array to be written.
-pub struct Tensor<'a> {
-    pub shape: Vec<usize>,
-    data: Data<'a>,
-}
-
-enum Data<'a> {
-    F32(Cow<'a, [f32]>),
-    F64(Vec<f64>),
-    U16(Vec<u16>),
-    I16(Vec<i16>),
-    U32(Cow<'a, [u32]>),
-}
-
-impl<'a> Tensor<'a> {
-    fn f32(shape: &[usize], data: impl Into<Cow<'a, [f32]>>) -> Self {
-        Self::new(shape, Data::F32(data.into()))
-    }
-
-    fn u32(shape: &[usize], data: impl Into<Cow<'a, [u32]>>) -> Self {
-        Self::new(shape, Data::U32(data.into()))
-    }
-
-    fn new(shape: &[usize], data: Data<'a>) -> Self {
-        Self { shape: shape.to_vec(), data }
-    }
-
-    pub fn scalar_u32(value: u32) -> Self {
-        Self::u32(&[1], vec![value])
-    }
-
-    pub fn dtype(&self) -> Dtype {
-        match self.data {
-            Data::F32(_) => Dtype::F32,
-            Data::F64(_) => Dtype::F64,
-            Data::U16(_) => Dtype::U16,
-            Data::I16(_) => Dtype::I16,
-            Data::U32(_) => Dtype::U32,
-        }
-    }
-
-    pub fn bytes(&self) -> Vec<u8> {
-        match &self.data {
-            Data::F32(d) => d.iter().flat_map(|x| x.to_le_bytes()).collect(),
-            Data::F64(d) => d.iter().flat_map(|x| x.to_le_bytes()).collect(),
-            Data::U16(d) => d.iter().flat_map(|x| x.to_le_bytes()).collect(),
-            Data::I16(d) => d.iter().flat_map(|x| x.to_le_bytes()).collect(),
-            Data::U32(d) => d.iter().flat_map(|x| x.to_le_bytes()).collect(),
-        }
-    }
-}
-
-impl View for &Tensor<'_> {
-    fn dtype(&self) -> Dtype {
-        Tensor::dtype(self)
-    }
-
-    fn shape(&self) -> &[usize] {
-        &self.shape
-    }
-
-    fn data(&self) -> Cow<'_, [u8]> {
-        Cow::Owned(self.bytes())
-    }
-
-    fn data_len(&self) -> usize {
-        self.shape.iter().product::<usize>() * self.dtype().bitsize() / 8
-    }
-}
 
 /// Every array of a state.
 pub fn tensors(state: &TrainState) -> BTreeMap<String, Tensor<'_>> {
     let mut out = BTreeMap::new();
-    let mut put = |name: &str, tensor| out.insert(name.to_owned(), tensor);
+    let mut put = |name: &str, tensor| drop(out.insert(name.to_owned(), tensor));
     let TrainState { model, adam, .. } = state;
     let n = model.num_splats();
     let texels = [model.textures.texels.len() / 3, 3];
     for (prefix, arrays) in
         [("splats", &model.splats), ("adam.m", &adam.splats_m), ("adam.v", &adam.splats_v)]
     {
-        for group in SplatGroup::ALL {
-            let shape = group_shape(group, arrays);
-            put(&group_name(prefix, group), Tensor::f32(&shape, arrays.group(group)));
-        }
+        put_arrays(prefix, arrays, &mut put);
     }
     put(
         "splats.sh_degrees",
@@ -165,6 +92,9 @@ pub fn tensors(state: &TrainState) -> BTreeMap<String, Tensor<'_>> {
     put("exposure.maps", Tensor::f32(&[exposures.maps.len(), 3, 4], numbers));
     let numbers = exposures.sums.iter().flat_map(|sums| sums.0).collect();
     put("exposure.sums", Tensor::new(&[exposures.sums.len(), NUM_COLOUR_SUMS], Data::F64(numbers)));
+    if let Some(found) = &state.rounded {
+        rounded::put(found, &mut put);
+    }
     let w = &state.window;
     put("window.views", Tensor::u32(&[state.window_views.len()], &state.window_views));
     let counts: Vec<u32> = [w.views].iter().chain(&w.seen).copied().collect();
@@ -179,15 +109,9 @@ pub fn tensors(state: &TrainState) -> BTreeMap<String, Tensor<'_>> {
 pub fn state(reader: &mut Reader<'_>) -> Result<TrainState> {
     let n = reader.first_dimension("splats.opacity_logits")?;
     let degrees = sh_degrees(reader, n)?;
-    let mut arrays = |prefix: &str| -> Result<SplatArrays> {
-        let mut arrays = SplatArrays::zeros_of(degrees.clone());
-        for group in SplatGroup::ALL {
-            let shape = group_shape(group, &arrays);
-            *arrays.group_mut(group) = f32s(reader.take(&group_name(prefix, group), Dtype::F32, &shape)?);
-        }
-        Ok(arrays)
-    };
-    let (splats, splats_m, splats_v) = (arrays("splats")?, arrays("adam.m")?, arrays("adam.v")?);
+    let [splats, splats_m, splats_v] =
+        ["splats", "adam.m", "adam.v"].map(|prefix| arrays(reader, prefix, &degrees));
+    let (splats, splats_m, splats_v) = (splats?, splats_m?, splats_v?);
     let texels = [reader.first_dimension("textures.texels")?, 3];
     let adam = AdamState {
         splats_m,
@@ -239,6 +163,7 @@ pub fn state(reader: &mut Reader<'_>) -> Result<TrainState> {
             let views = reader.first_dimension("state.view_losses")?;
             f32s(reader.take("state.view_losses", Dtype::F32, &[views])?)
         },
+        rounded: rounded::take(reader, &degrees, texels[0])?,
         window_views: {
             let views = reader.first_dimension("window.views")?;
             u32s(reader.take("window.views", Dtype::U32, &[views])?)
@@ -353,23 +278,4 @@ fn sh_degrees(reader: &mut Reader<'_>, n: usize) -> Result<Vec<u8>> {
         )));
     }
     Ok(found.iter().map(|&d| d as u8).collect())
-}
-
-fn group_name(prefix: &str, group: SplatGroup) -> String {
-    let name = match group {
-        SplatGroup::Position => "positions",
-        SplatGroup::Quaternion => "quaternions",
-        SplatGroup::LogScale => "log_scales",
-        SplatGroup::Opacity => "opacity_logits",
-        SplatGroup::Sh => "sh",
-    };
-    format!("{prefix}.{name}")
-}
-
-fn group_shape(group: SplatGroup, arrays: &SplatArrays) -> Vec<usize> {
-    match group {
-        SplatGroup::Opacity => vec![arrays.len()],
-        SplatGroup::Sh => vec![arrays.sh.len() / 3, 3],
-        _ => vec![arrays.len(), group.width(0)],
-    }
 }

@@ -1,6 +1,6 @@
 //! Checkpoints: a [`TrainState`] as one safetensors file, bit for bit and written atomically.
 //!
-//! Layout (`litetex-checkpoint/13`): one little-endian tensor per array, see `layout.rs`. The only
+//! Layout (`litetex-checkpoint/14`): one little-endian tensor per array, see `layout.rs`. The only
 //! metadata entry, `litetex`, is a JSON object with the format, the program's version and strings that belong to
 //! the caller; a single entry, because the order of several would differ from file to file. The tensor
 //! `checksum` is the CRC-32 of everything else, so that a damaged file is refused.
@@ -11,6 +11,8 @@
 mod header;
 mod layout;
 mod reader;
+mod rounded;
+mod tensor;
 #[cfg(test)]
 mod tests;
 
@@ -49,7 +51,7 @@ pub fn save(
     for (name, tensor) in &tensors {
         crc.add(name, tensor.dtype(), &tensor.shape, &tensor.bytes());
     }
-    tensors.insert(CHECKSUM.to_owned(), layout::Tensor::scalar_u32(crc.finish()));
+    tensors.insert(CHECKSUM.to_owned(), tensor::Tensor::scalar_u32(crc.finish()));
     let metadata = HashMap::from([(METADATA_KEY.to_owned(), header)]);
     atomic_file::write_with(path, |temporary| {
         safetensors::serialize_to_file(&tensors, Some(metadata), temporary).map_err(|e| match e {

@@ -72,6 +72,11 @@ impl<'a> Reader<'a> {
             .ok_or_else(|| self.invalid(format!("tensor {name:?}: found a single number, expected an array")))
     }
 
+    /// Whether there is a tensor of this name.
+    pub fn has(&self, name: &str) -> bool {
+        self.tensors.contains_key(name)
+    }
+
     /// Bytes of a tensor of exactly this type and shape.
     pub fn take(&mut self, name: &str, dtype: Dtype, shape: &[usize]) -> Result<&'a [u8]> {
         let view = self.view(name)?;

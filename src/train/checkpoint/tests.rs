@@ -5,10 +5,12 @@ use crate::backend::WindowStatistics;
 use crate::camera::Similarity;
 use crate::frequency::SplatBudget;
 use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TextureMap, TexturePool};
+use crate::rounding::{LastRounding, Offsets, Quantisation};
 use crate::train::Pruned;
 use crate::train::density::{Growth, SplatHistory};
 use crate::train::{CurvePoint, Exposures, SizeFigures, TrainHistory};
 use glam::DVec3;
+use litetex_exporters::ltgs::Steps;
 use safetensors::Dtype;
 use safetensors::tensor::TensorView;
 use std::path::PathBuf;
@@ -47,10 +49,20 @@ fn sample(n: usize, sh_degree: u32) -> TrainState {
     fill(&mut model.splats);
     fill(&mut adam.splats_m);
     fill(&mut adam.splats_v);
+    let mut offsets = Offsets::zeros(&model);
+    fill(&mut offsets.splats);
     model.textures.texels.fill_with(&mut next);
     adam.texels_m.fill_with(&mut next);
     adam.texels_v.fill_with(&mut next);
     adam.last_step = (0..n as u32).map(|i| i % 8).collect();
+    offsets.texels.fill_with(&mut next);
+    offsets.texel_sizes.fill_with(&mut next);
+    let steps = Quantisation {
+        base: Steps { sh_rest: [0.1, 0.2, 0.3], ..Steps::balanced() },
+        factor_log2: 1.375,
+        exponents: (0..n).map(|i| i as i8 - 3).collect(),
+        contributions: (0..n).map(|i| i as f32 / 7.0).collect(),
+    };
     TrainState {
         step: 7,
         model,
@@ -81,6 +93,7 @@ fn sample(n: usize, sh_degree: u32) -> TrainState {
         pace: SplatBudget { initial: n, momentum: 12.5 },
         growth: Growth { before: Some((0.125, 900)), idle_windows: 1, ended_step: 6 },
         view_losses: vec![0.5, 0.0, 0.25, 0.125],
+        rounded: Some(LastRounding { steps, step: 6, is_last: true, offsets }),
         history: history(n),
     }
 }
@@ -97,6 +110,7 @@ fn history(n: usize) -> TrainHistory {
         train_wall_secs: 0.25,
         density_control_wall_secs: 0.125,
         prune_wall_secs: 0.03125,
+        rounding_wall_secs: 0.015_625,
         analysis_wall_secs: 0.0625,
         train_cpu_secs: 0.5,
         total_wall_secs: 0.75,
@@ -238,7 +252,7 @@ fn errors_name_the_tensor_what_was_found_and_what_was_expected() {
     );
     assert_eq!(
         message(edited(&bytes, "extra", Some((Dtype::U8, vec![1], vec![0])))),
-        "x.safetensors: tensor \"extra\" is not part of \"litetex-checkpoint/13\""
+        "x.safetensors: tensor \"extra\" is not part of \"litetex-checkpoint/14\""
     );
     let same_shape = Some((Dtype::F32, vec![4, 3], vec![0; 48]));
     assert!(message(edited(&bytes, "splats.positions", same_shape)).contains("checksum"));
@@ -247,7 +261,7 @@ fn errors_name_the_tensor_what_was_found_and_what_was_expected() {
 #[test]
 fn values_that_contradict_each_other_are_refused() {
     let refused = |change: fn(&mut TrainState), part: &str| {
-        let mut state = sample(4, 1);
+        let mut state = TrainState { rounded: None, ..sample(4, 1) };
         change(&mut state);
         let message = load_from(&saved(&state)).unwrap_err().to_string();
         assert!(message.contains(part), "{message}");
@@ -281,6 +295,6 @@ fn other_layouts_are_unsupported_not_invalid() {
     assert_eq!(
         error.to_string(),
         "x.safetensors: layout \"litetex-checkpoint/1\" (written by litetex 9.0.0), this program reads \
-         \"litetex-checkpoint/13\""
+         \"litetex-checkpoint/14\""
     );
 }

@@ -14,19 +14,25 @@ pub fn accept(offers: &Offers<'_>, may_go: &[bool], thresholds: &Thresholds) -> 
     may_go.par_iter().enumerate().map(|(splat, &may_go)| offers.best(splat, thresholds, may_go)).collect()
 }
 
-/// The lowest threshold at which that many parameters are pruned; the highest at which anything changes, if there are too
-/// few.
-pub fn threshold_for(offers: &Offers<'_>, may_go: &[bool], params: usize) -> f64 {
-    // Squared errors per parameter far outside of what occurs.
+/// What is to be pruned at least.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Excess {
+    /// Parameters.
+    pub params: usize,
+    /// Of the charge, if the model is not charged for its parameters.
+    pub charge: f64,
+}
+
+/// The lowest threshold at which as much is pruned; the highest at which anything changes, if there is too little.
+pub fn threshold_for(offers: &Offers<'_>, may_go: &[bool], excess: &Excess) -> f64 {
+    // Squared errors per unit of the charge far outside of what occurs.
     let (mut low, mut high) = (1e-20_f64.ln(), MOST_THRESHOLD.ln());
     for _ in 0..SEARCH_STEPS {
         let middle = 0.5 * (low + high);
-        let saved: usize = accept(offers, may_go, &Thresholds::all(middle.exp()))
-            .iter()
-            .flatten()
-            .map(|offer| offer.params)
-            .sum();
-        if saved >= params { high = middle } else { low = middle }
+        let accepted = accept(offers, may_go, &Thresholds::all(middle.exp()));
+        let params: usize = accepted.iter().flatten().map(|offer| offer.params).sum();
+        let charge: f64 = accepted.iter().flatten().map(|offer| offer.charge).sum();
+        if params >= excess.params && charge >= excess.charge { high = middle } else { low = middle }
     }
     high.exp()
 }

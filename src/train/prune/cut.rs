@@ -17,7 +17,7 @@ pub(super) struct Cut<'a> {
     pub offers: &'a Offers<'a>,
     /// Whether each splat may be removed.
     pub may_go: &'a [bool],
-    /// Threshold, squared error per parameter.
+    /// Threshold, squared error per unit of the charge.
     pub threshold: f64,
     /// Views on which every attempt is checked.
     pub checked: &'a [usize],
@@ -53,7 +53,7 @@ impl Round {
         let params = offers.model().num_params();
         let error_of_more = if more.is_empty() { 0.0 } else { self.error(backend, training, more)? };
         let mut start = threshold;
-        if self.budget.is_none() {
+        if !self.is_bounded() {
             let is_good_enough = |raise: &&f64| {
                 let accepted = accept(offers, may_go, &Thresholds::all(*raise * threshold));
                 accepted.iter().flatten().map(|offer| offer.cost).sum::<f64>() <= slack
@@ -61,7 +61,7 @@ impl Round {
             start *= RAISES.iter().find(is_good_enough).unwrap_or(&1.0);
         }
         let mut attempt = self.attempt(backend, training, cut, &Thresholds::all(start), slack)?;
-        if self.budget.is_none() && !attempt.is_cheap && attempt.outcome.params < params {
+        if !self.is_bounded() && !attempt.is_cheap && attempt.outcome.params < params {
             // Predictions are better for some kinds than for others, and differ between captures.
             let mut thresholds = Thresholds::default();
             for kind in 0..KINDS {
@@ -89,7 +89,7 @@ impl Round {
             is_cheap = rise <= outcome.allowed(threshold, slack);
         }
         // A budget must be met, whatever the views say.
-        if is_cheap || self.budget.is_some() {
+        if is_cheap || self.is_bounded() {
             return Ok(Some((outcome, Some(plan))));
         }
         backend.upload(model, adam)?;

@@ -1,9 +1,10 @@
 //! What each splat could do without, and what that would cost.
 
+use super::charge::Charge;
 use super::costs::{AXES, Costs, SplatCosts, costs_of, depths};
 use crate::backend::{Grid, MapChange};
 use crate::constants::sh_coefficients;
-use crate::model::{AdamState, Model, ModelSize, TEXEL_PARAMS};
+use crate::model::{AdamState, Model, ModelSize};
 use crate::train::density::{Coarsening, cropped_map, map_window};
 use rayon::prelude::*;
 
@@ -13,7 +14,7 @@ const SEEN_MIN: u32 = 4;
 /// Kinds of offers: removal, SH bands and texels.
 pub const KINDS: usize = 3;
 
-/// Mean squared error per parameter below which offers are taken, by their kind: 0 for kinds that are not taken.
+/// Mean squared error per unit of the charge below which offers are taken, by their kind: 0 for kinds that are not taken.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Thresholds([f64; KINDS]);
 
@@ -53,6 +54,8 @@ pub struct Accepted {
     pub kept: Option<Kept>,
     /// Parameters that it saves.
     pub params: usize,
+    /// What it saves of the charge.
+    pub charge: f64,
     /// Mean squared change of the images.
     pub cost: f64,
 }
@@ -64,6 +67,7 @@ pub struct Offers<'a> {
     probes: u32,
     seen_min: u32,
     keeps_maps: bool,
+    charge: Charge,
 }
 
 impl<'a> Offers<'a> {
@@ -71,7 +75,13 @@ impl<'a> Offers<'a> {
     /// that fixes the sizes of maps keeps them.
     pub fn new(model: &'a Model, is_sample: bool, keeps_maps: bool) -> Self {
         let seen_min = if is_sample { SEEN_MIN } else { 0 };
-        Self { model, costs: vec![Costs::default(); model.num_splats()], probes: 0, seen_min, keeps_maps }
+        let costs = vec![Costs::default(); model.num_splats()];
+        Self { model, costs, probes: 0, seen_min, keeps_maps, charge: Charge::PARAMS }
+    }
+
+    /// These, charged for something else than parameters.
+    pub fn with_charge(self, charge: Charge) -> Self {
+        Self { charge, ..self }
     }
 
     /// Adds the derivatives of a probe.
@@ -107,25 +117,27 @@ impl<'a> Offers<'a> {
         let mut best = Accepted {
             kept: Some(Kept { degree: held, map: MapChange::Keep, texels: map.num_texels() }),
             params: 0,
+            charge: 0.0,
             cost: 0.0,
         };
         let mut saved = 0.0;
 
         let by_degree = (0..held).map(|degree| {
-            let [kept, all] = [degree, held].map(|degree| 3 * sh_coefficients(degree.into()));
+            let [kept, all] = [degree, held].map(|degree| sh_coefficients(degree.into()));
             let cost = costs.degrees[usize::from(degree)] / probes;
-            (degree, all - kept, cost, by_bands * (all - kept) as f64 - cost)
+            (degree, all - kept, cost, by_bands * self.charge.of_coefficients(all - kept) - cost)
         });
         let kept = best.kept.as_mut()?;
-        if let Some((degree, params, cost, gain)) = by_degree.max_by(|a, b| a.3.total_cmp(&b.3))
+        if let Some((degree, coefficients, cost, gain)) = by_degree.max_by(|a, b| a.3.total_cmp(&b.3))
             && gain > 0.0
         {
             kept.degree = degree;
-            best.params += params;
+            best.params += 3 * coefficients;
+            best.charge += self.charge.of_coefficients(coefficients);
             best.cost += cost;
             saved += gain;
         }
-        let gain = |offer: &Accepted, threshold: f64| threshold * offer.params as f64 - offer.cost;
+        let gain = |offer: &Accepted, threshold: f64| threshold * offer.charge - offer.cost;
         let by_map = (map.rows > 0 && !self.keeps_maps)
             .then(|| self.map_offers(splat, by_texels))
             .into_iter()
@@ -137,11 +149,16 @@ impl<'a> Offers<'a> {
             let smaller = offer.kept?;
             (kept.map, kept.texels) = (smaller.map, smaller.texels);
             best.params += offer.params;
+            best.charge += offer.charge;
             best.cost += offer.cost;
             saved += gain(&offer, by_texels);
         }
-        let removal =
-            Accepted { kept: None, params: params_of(held, map.num_texels()), cost: costs.removal / probes };
+        let removal = Accepted {
+            kept: None,
+            params: params_of(held, map.num_texels()),
+            charge: self.charge.of(held, map.num_texels()),
+            cost: costs.removal / probes,
+        };
         if may_go && gain(&removal, by_removal) > saved {
             return Some(removal);
         }
@@ -174,8 +191,8 @@ impl<'a> Offers<'a> {
             let mut best = (0.0, None);
             for (axis, end) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
                 for (depth, cost) in depths(held[axis]).into_iter().zip(costs.crops[axis][end]) {
-                    let params = TEXEL_PARAMS * depth * left[1 - axis];
-                    let gain = threshold * params as f64 - cost / probes;
+                    let charge = self.charge.of_texels(depth * left[1 - axis]);
+                    let gain = threshold * charge - cost / probes;
                     if off[axis][end] == 0 && depth < left[axis] && gain > best.0 {
                         best = (gain, Some((axis, end, depth, cost)));
                     }
@@ -197,6 +214,7 @@ impl<'a> Offers<'a> {
         Accepted {
             kept: Some(Kept { degree, map: change, texels }),
             params: params_of(degree, map.num_texels()) - params_of(degree, texels),
+            charge: self.charge.of(degree, map.num_texels()) - self.charge.of(degree, texels),
             cost: cost / f64::from(self.probes.max(1)),
         }
     }

@@ -1,5 +1,6 @@
 //! A round of pruning: what it aims at, what it did, and the error that it watches.
 
+use super::charge::Charge;
 use super::error::mean_squared_error;
 use super::probe::ProbeView;
 use crate::Result;
@@ -66,6 +67,8 @@ pub struct Round {
     pub floor: f64,
     /// Parameters to which the model must come down by the last round, whatever that costs; no more than that is pruned.
     pub budget: Option<usize>,
+    /// Bytes of the file, as [`Charge::BYTES`] counts them, to which it must come down likewise, if the file has a wanted size.
+    pub max_bytes: Option<f64>,
     /// Whether a model within its budget is pruned by [`Self::prune_db`].
     pub by_need: bool,
     /// Rounds to come, with this one.
@@ -143,6 +146,7 @@ impl Round {
             prune_db: density.prune_db,
             floor: 10.0_f64.powf(-density.floor_db / 10.0),
             budget: config.budget.max_params,
+            max_bytes: None,
             by_need: density.need_db > 0.0,
             rounds_left: schedule.rounds_left(step),
             step,
@@ -154,9 +158,19 @@ impl Round {
         }
     }
 
-    /// Mean squared error up to which a model is good enough. With a budget none is: it gets the best that fits.
+    /// Whether the model must come down to some size.
+    pub fn is_bounded(&self) -> bool {
+        self.budget.is_some() || self.max_bytes.is_some()
+    }
+
+    /// What the model is charged for.
+    pub fn charge(&self) -> Charge {
+        if self.max_bytes.is_some() { Charge::BYTES } else { Charge::PARAMS }
+    }
+
+    /// Mean squared error up to which a model is good enough. With a bound none is: it gets the best that fits.
     pub fn good_enough(&self) -> f64 {
-        if self.budget.is_none() { self.floor } else { 0.0 }
+        if self.is_bounded() { 0.0 } else { self.floor }
     }
 
     /// The threshold without a budget.

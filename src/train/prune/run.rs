@@ -1,6 +1,6 @@
 //! Does a round of pruning.
 
-use super::accept::threshold_for;
+use super::accept::{Excess, threshold_for};
 use super::costs::SplatCosts;
 use super::cut::Cut;
 use super::offers::Offers;
@@ -66,10 +66,14 @@ impl Round {
         let (checked, more) = last.split_at(CHECKED_VIEWS.min(last.len()));
         let probed = probed(backend.read_flushed()?);
         let params = probed.num_params();
-        // An even part of what is too much for the budget.
-        let excess = self.budget.map(|most| params.saturating_sub(most).div_ceil(self.rounds_left as usize));
-        if excess == Some(0) {
-            let by_need = Self { budget: None, ..*self };
+        // An even part of what is too much.
+        let part = |excess: f64| excess.max(0.0) / f64::from(self.rounds_left);
+        let excess = self.is_bounded().then(|| Excess {
+            params: self.budget.map_or(0, |most| part(params as f64 - most as f64).ceil() as usize),
+            charge: self.max_bytes.map_or(0.0, |most| part(self.charge().of_model(&probed) - most)),
+        });
+        if excess == Some(Excess::default()) {
+            let by_need = Self { budget: None, max_bytes: None, ..*self };
             return if self.by_need {
                 by_need.run_from(backend, training, before, histories)
             } else {
@@ -79,17 +83,17 @@ impl Round {
         let error = self.error(backend, training, checked)?;
         let offers = self.probe(backend, training, &probed, &order, &mut rng)?;
         // A budget holds whatever it costs.
-        let is_bound = self.budget.is_some() && self.rounds_left == 1;
+        let is_bound = self.is_bounded() && self.rounds_left == 1;
         let removable = if is_bound { 1.0 } else { REMOVABLE };
         let may_go: Vec<bool> = (0..probed.num_splats()).map(|_| rng.random_bool(removable)).collect();
         let threshold = match excess {
             None => self.threshold(error, params),
-            Some(excess) => threshold_for(&offers, &may_go, excess),
+            Some(excess) => threshold_for(&offers, &may_go, &excess),
         };
         // What the model may lose before it is no longer good enough: merges have what these offers leave.
         let slack = CUT_SLACK * (self.good_enough() - error).max(0.0);
         // The last round without a budget is final: it is checked on more views.
-        let more = if self.budget.is_none() && self.rounds_left == 1 { more } else { &[] };
+        let more = if !self.is_bounded() && self.rounds_left == 1 { more } else { &[] };
         let cut = Cut { offers: &offers, may_go: &may_go, threshold, checked, error, more, slack };
         let cut = self.cut(backend, training, before, &cut)?;
         let (mut outcome, plan) = cut.map_or((None, None), |(outcome, plan)| (Some(outcome), plan));
@@ -122,7 +126,8 @@ impl Round {
         order: &[usize],
         rng: &mut Pcg64Mcg,
     ) -> Result<Offers<'m>> {
-        let mut offers = Offers::new(probed, order.len() > MOST_PROBES, self.keeps_maps);
+        let offers = Offers::new(probed, order.len() > MOST_PROBES, self.keeps_maps);
+        let mut offers = offers.with_charge(self.charge());
         for &view in order.iter().take(MOST_PROBES) {
             let photo = training.targets.get(training.views, view)?;
             let view = self.view(training, view, &photo);

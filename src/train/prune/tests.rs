@@ -1,6 +1,6 @@
 //! Predictions of offers, against what their plans do to the image.
 
-use super::accept::{accept, planned, threshold_for};
+use super::accept::{Excess, accept, planned, threshold_for};
 use super::offers::{Accepted, Offers, Thresholds};
 use super::probe::{BETWEEN, ProbeView, probe_through, probed};
 use super::round::trial_steps;
@@ -91,7 +91,7 @@ fn images_change_as_predicted() {
         assert!((0.7..1.4).contains(&ratio), "{threshold:e}: {changed:e}, predicted {predicted:e}");
     }
     // At the threshold of a number of parameters, just as many are pruned.
-    let threshold = threshold_for(&offers, &some, 1_000);
+    let threshold = threshold_for(&offers, &some, &Excess { params: 1_000, charge: 0.0 });
     let pruned: usize =
         accept(&offers, &some, &Thresholds::all(threshold)).iter().flatten().map(|offer| offer.params).sum();
     assert!((1_000..1_200).contains(&pruned), "{pruned}");

@@ -36,6 +36,7 @@ impl Trainer<'_> {
                 || self.is_due(save_every, step)
                 || self.schedule.is_density_step(step)
                 || self.schedule.is_crop_step(step)
+                || self.is_rounding_step(step)
                 || self.may_change_length(step)
         };
         let steps = (first..=self.schedule.last_step).take(wanted);

@@ -3,6 +3,7 @@
 mod batch;
 mod length;
 mod reading;
+mod rounding;
 mod trainer;
 
 use batch::PlannedStep;
@@ -26,6 +27,7 @@ use crate::backend::{Backend, StepReport, StepRequest, WindowStatistics};
 use crate::camera::Camera;
 use crate::clock::process_cpu_secs;
 use crate::frequency::FrequencySchedule;
+use crate::rounding::Rounder;
 use crate::views::{Split, ViewSource, by_place};
 use crate::{Error, Result};
 use std::time::Instant;
@@ -52,19 +54,20 @@ pub fn train(
         costs: StepCosts::CPU,
         end_secs: 0.0,
     };
-    train_by(&timing, config, backend, views, start, sink)
+    train_by(&timing, config, backend, None, views, start, sink)
 }
 
-/// [`train`] by a clock. With a deadline, the length of the run follows from the time: each decision is reported by
+/// [`train`] by a clock, on a backend, with what rounds the model if its file has a wanted size. With a deadline, the length of the run follows from the time: each decision is reported by
 /// [`TrainEvent::Planned`]. A run whose settings hold these decisions repeats them without a clock.
 ///
 /// # Errors
 /// As [`train`].
-pub fn train_by(
-    timing: &Timing<'_>,
-    config: &TrainConfig,
-    backend: &mut dyn Backend,
-    views: &dyn ViewSource,
+pub fn train_by<'a>(
+    timing: &'a Timing<'a>,
+    config: &'a TrainConfig,
+    backend: &'a mut dyn Backend,
+    rounder: Option<&'a mut dyn Rounder>,
+    views: &'a dyn ViewSource,
     mut start: TrainState,
     sink: Sink<'_>,
 ) -> Result<(TrainState, StopReason)> {
@@ -108,6 +111,7 @@ pub fn train_by(
         plan: config.plan.clone(),
         config,
         backend,
+        rounder,
         views,
         train_views,
         test_views,
@@ -167,6 +171,12 @@ impl Trainer<'_> {
         if step > 0 && self.state.revised_step != step {
             self.revise()?;
         }
+        let is_in_phase = self.schedule.rounding_start.is_some_and(|start| self.state.step >= start);
+        if self.rounder.is_none() || !is_in_phase {
+            self.unround()?;
+        }
+        // The run may have been interrupted before it was rounded.
+        self.round()?;
         self.follow_plan(sink)?;
         while self.state.step < self.schedule.last_step {
             let mut control = self.batch(sink)?;
@@ -248,6 +258,9 @@ impl Trainer<'_> {
             }
         }
         self.state.history.density_control_wall_secs += density_control_secs;
+        if diverged.is_none() {
+            self.round()?;
+        }
         let wall_secs = clock.wall_secs();
         let times = [wall_secs, process_cpu_secs() - clock.cpu_secs];
         let finite_steps = diverged.unwrap_or(batch.len());
@@ -284,6 +297,7 @@ impl Trainer<'_> {
         if !due && !self.schedule.is_crop_step(step) {
             return Ok(None);
         }
+        self.unround()?;
         let use_statistics = due && step >= self.schedule.density_start;
         if use_statistics {
             self.observe_growth();
@@ -330,7 +344,8 @@ impl Trainer<'_> {
             exposures: &self.state.exposures,
         };
         let clock = Clock::start(self.timing);
-        let round = Round::of(config, &self.schedule, step);
+        let mut round = Round::of(config, &self.schedule, step);
+        round.max_bytes = self.rounder.as_ref().map(|rounder| rounder.splat_bytes());
         let pruned = round.run(self.backend, &mut training, &mut self.state.histories)?;
         if let Some(pruned) = &pruned {
             let splats = self.state.histories.len();

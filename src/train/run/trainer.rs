@@ -11,6 +11,7 @@ use crate::backend::{Backend, DeviceLimits};
 use crate::camera::Camera;
 use crate::clock::process_cpu_secs;
 use crate::frequency::FrequencySchedule;
+use crate::rounding::Rounder;
 use crate::views::ViewSource;
 
 /// A training under way.
@@ -20,6 +21,8 @@ pub struct Trainer<'a> {
     pub plan: Vec<LengthChange>,
     pub config: &'a TrainConfig,
     pub backend: &'a mut dyn Backend,
+    /// Rounds the model if its file has a wanted size.
+    pub rounder: Option<&'a mut dyn Rounder>,
     pub views: &'a dyn ViewSource,
     pub train_views: Vec<usize>,
     pub test_views: Vec<usize>,

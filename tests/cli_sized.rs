@@ -1,0 +1,85 @@
+//! Runs that end with a file of a wanted size.
+#![allow(clippy::unwrap_used, reason = "a failing test may panic")]
+
+mod common;
+
+use common::cli::{bad, good, json};
+use std::fs;
+
+/// A folder with a capture of 9 images, 2 of them held out.
+struct Place(tempfile::TempDir);
+
+impl Place {
+    fn new() -> Self {
+        let place = Self(tempfile::tempdir().unwrap());
+        let capture = place.path("capture");
+        good(&["sample", &capture, "--views", "9", "--size", "64x48", "--points", "300", "--no-truth", "-q"]);
+        place
+    }
+
+    fn path(&self, name: &str) -> String {
+        self.0.path().join(name).to_str().unwrap().to_owned()
+    }
+
+    /// Arguments of a training into the folder `run`.
+    fn training<'a>(capture: &'a str, run: &'a str, more: &[&'a str]) -> Vec<&'a str> {
+        [&["train", capture, "-o", run, "--device", "cpu", "--steps", "240", "-q"], more].concat()
+    }
+
+    /// PSNR of a file against the scene of the run, dB.
+    fn psnr(&self, file: &str) -> f64 {
+        let (file, run) = (self.path(file), self.path("run"));
+        let verify = ["verify", &file, "--against", &run, "-q", "--device", "cpu", "--max-loss", "9dB"];
+        json(&verify)["verdict"]["psnr"].as_f64().unwrap()
+    }
+}
+
+#[test]
+fn a_run_of_a_wanted_size_ends_with_that_file() {
+    let place = Place::new();
+    let [capture, run, again, small, repeated] =
+        ["capture", "run", "again.ltgs", "small.ltgs", "repeated"].map(|name| place.path(name));
+    good(&Place::training(&capture, &run, &["--max-size", "16kB"]));
+    let bytes = fs::read(place.path("run/scene.ltgs")).unwrap();
+    assert!((15_200..=16_000).contains(&bytes.len()), "{} bytes", bytes.len());
+    // The model of the run is the scene of the file.
+    let psnr = place.psnr("run/scene.ltgs");
+    assert!(psnr > 80.0, "{psnr}");
+    // An export without a goal of its own is that file.
+    good(&["export", &run, &again, "-q", "--device", "cpu"]);
+    assert_eq!(fs::read(&again).unwrap().len(), bytes.len());
+    // Negative control: a smaller one has lost something.
+    good(&["export", &run, &small, "--max-loss", "1dB", "-q", "--device", "cpu"]);
+    let psnr = place.psnr("small.ltgs");
+    assert!(psnr < 60.0, "{psnr}");
+    // Repeated from its settings, the same bytes.
+    let config = place.path("run/config.toml");
+    good(&["train", "--config", &config, "-o", &repeated, "--device", "cpu", "-q"]);
+    assert_eq!(fs::read(place.path("repeated/scene.ltgs")).unwrap(), bytes);
+}
+
+#[test]
+fn a_size_that_is_too_small_is_refused_and_leaves_no_folder() {
+    let place = Place::new();
+    let [capture, run] = ["capture", "run"].map(|name| place.path(name));
+    let (code, message) = bad(&Place::training(&capture, &run, &["--max-size", "1kB"]));
+    assert_eq!(code, 2, "{message}");
+    assert!(message.contains("too small for this capture, whose smallest file has"), "{message}");
+    assert!(!std::path::Path::new(&run).exists());
+}
+
+#[test]
+fn effort_brings_a_file_of_a_wanted_size_nearer_to_the_scene() {
+    let place = Place::new();
+    let [capture, run] = ["capture", "run"].map(|name| place.path(name));
+    good(&Place::training(&capture, &run, &[]));
+    let [open, closed] = ["1", "4"].map(|effort| {
+        let name = format!("{effort}.ltgs");
+        let file = place.path(&name);
+        let how = ["--max-size", "14kB", "--effort", effort, "-q", "--device", "cpu", "--no-verify"];
+        good(&[&["export", &run, &file][..], &how].concat());
+        assert!(fs::metadata(&file).unwrap().len() <= 14_000);
+        place.psnr(&name)
+    });
+    assert!(closed > open, "{open} {closed}");
+}
