@@ -43,11 +43,11 @@ pub trait Rounder {
     fn choose(&mut self, model: &Model, before: Option<&Quantisation>, is_last: bool)
     -> Result<Quantisation>;
 
-    /// The model that a reader of the file gets, with its splats as they are.
+    /// The model that a reader of the file gets, with its splats as they are. If it is the last, rounding it again changes nothing.
     ///
     /// # Errors
     /// [`crate::Error::Device`] for numbers that no file holds.
-    fn round(&self, model: &Model, steps: &Quantisation) -> Result<Model>;
+    fn round(&self, model: &Model, steps: &Quantisation, is_last: bool) -> Result<Model>;
 }
 
 /// A model in training is rounded, and what rounding added to its numbers. While the trainer changes the rounded numbers, that

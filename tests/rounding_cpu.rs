@@ -92,7 +92,7 @@ fn the_trained_model_is_what_its_file_holds() {
     let rounded = state.rounded.as_ref().unwrap();
     assert_eq!(rounded.step, 200);
     let rounder = rounder(&views, MAX_BYTES).unwrap();
-    let again = rounder.round(&state.model, &rounded.steps).unwrap();
+    let again = rounder.round(&state.model, &rounded.steps, true).unwrap();
     let asset = asset(&state.model, &views);
     let differing = |other: &Model| differing(&state.model, other);
     assert_eq!(differing(&again), [0; 6], "a rounded model is rounded to itself");

@@ -18,6 +18,7 @@ mod order;
 mod pacing;
 mod prune;
 mod random;
+mod rounding_phase;
 mod run;
 mod schedule;
 mod stages;

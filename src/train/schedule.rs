@@ -4,6 +4,7 @@
 
 use super::config::{LengthChange, TrainConfig};
 use super::density::Budget;
+use super::rounding_phase::{self, RoundingPhase};
 use crate::backend::LearningRates;
 
 /// Length of the published timetable.
@@ -29,19 +30,9 @@ const SH_TRIAL: f64 = 7_000.0;
 /// Views that a round probes, at most. A splat that only other views see would look idle.
 pub const MOST_PROBES: usize = 64;
 
-/// Steps between two roundings of a model that is trained as its file will hold it.
-const ROUNDING_INTERVAL: u32 = 10;
-
-/// Parts of the last phase, with quantisation steps chosen at the beginning of each.
-const ROUNDING_PARTS: u32 = 3;
-
 /// Share of the parameters to which growth is bounded where nothing is pruned after it, so that any model fits its file: splats
 /// without textures take the most bytes per parameter.
 const UNPRUNED_SHARE: f64 = 0.55;
-
-/// First step of that phase (published timetable), and the factor to which rates fall in it (method 10.2).
-const ROUNDING_FROM: f64 = 28_000.0;
-const ROUNDING_RATES: f64 = 0.1;
 
 /// Steps of a run for each probe, unless it has only two rounds of pruning.
 const STEPS_PER_PROBE: u32 = 30;
@@ -94,8 +85,8 @@ pub struct Schedule {
     pub density_end: u32,
     /// Prune count that removes a splat (published: 8).
     pub patience: u16,
-    /// Step after which the model is rounded first, if it is trained as its file will hold it.
-    pub rounding_start: Option<u32>,
+    /// When the model is rounded, if it is trained as its file will hold it.
+    pub rounding: Option<RoundingPhase>,
 }
 
 impl Schedule {
@@ -138,7 +129,7 @@ impl Schedule {
             },
             density_end: config.steps.saturating_sub(at(1_000.0)),
             patience: (patience as u16).max(if c.patience_steps == 0 { 1 } else { 2 }),
-            rounding_start: None,
+            rounding: None,
         }
         .with_rounds(config, train_views)
         .with_rounding(config)
@@ -149,11 +140,12 @@ impl Schedule {
         if config.max_bytes.is_none() {
             return self;
         }
-        let from = f64::from(config.steps) / PUBLISHED_STEPS * ROUNDING_FROM;
+        let from = f64::from(config.steps) / PUBLISHED_STEPS * rounding_phase::FROM;
         // The last round of pruning comes before, in runs of any length.
         let start = (from as u32).max(self.prune_until.max(self.full_size_from) + self.density_interval);
         let start = start.min(self.last_step);
-        Self { rounding_start: Some(start), density_end: self.density_end.min(start), ..self }
+        let phase = RoundingPhase { start, last: self.last_step };
+        Self { rounding: Some(phase), density_end: self.density_end.min(start), ..self }
     }
 
     /// With the rounds of pruning for which there is time.
@@ -194,7 +186,7 @@ impl Schedule {
             full_size_from: moved(self.full_size_from),
             crop_interval: if self.crop_interval > 0 { (density_interval * 2 / 5).max(1) } else { 0 },
             density_end: moved(self.density_end),
-            rounding_start: self.rounding_start.map(moved),
+            rounding: self.rounding.map(|phase| RoundingPhase { start: moved(phase.start), last }),
             ..self
         }
     }
@@ -302,21 +294,6 @@ impl Schedule {
         step <= self.densify_until || step % self.coarsen_interval < self.density_interval
     }
 
-    /// Whether the model is rounded after a step: at intervals in the last phase, and at its end.
-    pub fn is_rounding_step(&self, step: u32) -> bool {
-        self.rounding_start.is_some_and(|start| {
-            step >= start && (step == self.last_step || (step - start).is_multiple_of(ROUNDING_INTERVAL))
-        })
-    }
-
-    /// Whether quantisation steps are chosen anew when the model is rounded after a step.
-    pub fn chooses_quantisation(&self, step: u32) -> bool {
-        let Some(start) = self.rounding_start else { return false };
-        let length = self.last_step.saturating_sub(start).max(1);
-        let part = |step: u32| step.saturating_sub(start) * ROUNDING_PARTS / length;
-        step <= start || part(step) > part(step.saturating_sub(ROUNDING_INTERVAL))
-    }
-
     /// Time t of the frequency schedule: steps done as a fraction of those to the last stage, at most 1.
     pub fn stage_share(&self, step: u32) -> f64 {
         (self.original_steps(step) / f64::from(self.original.full_size_from)).min(1.0)
@@ -352,13 +329,6 @@ impl Schedule {
         ((tested / f64::from(self.sh_interval)) as u32).min(highest)
     }
 
-    /// Factor on the learning rates of a step: at full rates, numbers hop between quantisation steps.
-    fn rounding_calm(&self, step: u32) -> f32 {
-        let Some(start) = self.rounding_start.filter(|&start| step > start) else { return 1.0 };
-        let share = f64::from(step - start) / f64::from(self.last_step - start);
-        ROUNDING_RATES.powf(share.min(1.0)) as f32
-    }
-
     /// Learning rates of a step; steps count from 1.
     ///
     /// The published rates are made for 30,000 steps; with Adam, a run of a tenth of them cannot travel
@@ -371,7 +341,7 @@ impl Schedule {
         let (start, end) = (f64::from(position).ln(), f64::from(r.position_end).ln());
         let missing = if r.raise_in_short_runs { PUBLISHED_STEPS / f64::from(config.steps) } else { 1.0 };
         let raise = missing.max(1.0).sqrt().min(HIGHEST_RAISE);
-        let calm = self.rounding_calm(step);
+        let calm = self.rounding.map_or(1.0, |phase| phase.rates(step));
         let (fast, slow) = (raise as f32 * calm, raise.sqrt() as f32 * calm);
         LearningRates {
             position: fast * (start + (end - start) * t).exp() as f32,

@@ -1,6 +1,7 @@
 //! Predictions of offers, against what their plans do to the image.
 
 use super::accept::{Excess, accept, planned, threshold_for};
+use super::charge::Charge;
 use super::offers::{Accepted, Offers, Thresholds};
 use super::probe::{BETWEEN, ProbeView, probe_through, probed};
 use super::round::trial_steps;
@@ -95,6 +96,16 @@ fn images_change_as_predicted() {
     let pruned: usize =
         accept(&offers, &some, &Thresholds::all(threshold)).iter().flatten().map(|offer| offer.params).sum();
     assert!((1_000..1_200).contains(&pruned), "{pruned}");
+    // The same where the model is charged for bytes of its file.
+    let by_bytes = offers.with_charge(Charge::BYTES);
+    let saved = |threshold| -> f64 {
+        accept(&by_bytes, &some, &Thresholds::all(threshold)).iter().flatten().map(|offer| offer.charge).sum()
+    };
+    let excess = Excess { params: 0, charge: 100.0 };
+    let threshold_of_bytes = threshold_for(&by_bytes, &some, &excess);
+    assert!((100.0..130.0).contains(&saved(threshold_of_bytes)), "{}", saved(threshold_of_bytes));
+    assert!(saved(0.5 * threshold_of_bytes) < 100.0, "a lower threshold would have done");
+    let offers = by_bytes.with_charge(Charge::PARAMS);
     // Negative control: offers that were predicted for other splats change the image more.
     let mut elsewhere = accept(&offers, &none, &Thresholds::all(1e-7));
     let predicted: f64 = elsewhere.iter().flatten().map(|offer| offer.cost).sum();

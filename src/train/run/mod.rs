@@ -171,7 +171,7 @@ impl Trainer<'_> {
         if step > 0 && self.state.revised_step != step {
             self.revise()?;
         }
-        let is_in_phase = self.schedule.rounding_start.is_some_and(|start| self.state.step >= start);
+        let is_in_phase = self.schedule.rounding.is_some_and(|phase| self.state.step >= phase.start);
         if self.rounder.is_none() || !is_in_phase {
             self.unround()?;
         }

@@ -9,7 +9,7 @@ use crate::rounding::{LastRounding, Offsets};
 impl Trainer<'_> {
     /// Whether the model is rounded after a step.
     pub(super) fn is_rounding_step(&self, step: u32) -> bool {
-        self.rounder.is_some() && self.schedule.is_rounding_step(step)
+        self.rounder.is_some() && self.schedule.rounding.is_some_and(|phase| phase.is_due(step))
     }
 
     /// Rounds the model if that is due. If it fails, the offsets of the last rounding still hold.
@@ -31,10 +31,10 @@ impl Trainer<'_> {
         }
         let chosen = before.map(|last| &last.steps);
         let steps = match chosen {
-            Some(steps) if !self.schedule.chooses_quantisation(step) => steps.clone(),
+            Some(steps) if !self.schedule.rounding.is_some_and(|phase| phase.chooses(step)) => steps.clone(),
             chosen => rounder.choose(&exact, chosen, is_last)?,
         };
-        let model = rounder.round(&exact, &steps)?;
+        let model = rounder.round(&exact, &steps, is_last)?;
         let offsets = Offsets::between(&exact, &model);
         if is_last {
             // What the file holds, bit for bit: nothing is pending any more.
