@@ -245,7 +245,7 @@ fn folders_of_photos_and_masks_that_are_none_are_named_for_what_they_are() {
     for (path, what) in cases {
         let images = LoadOptions { images: Some(path.clone()), ..LoadOptions::default() };
         let masks = LoadOptions { masks: Some(path.clone()), ..LoadOptions::default() };
-        for (options, option) in [(images, "--images"), (masks, "--masks")] {
+        for (options, option) in [(images, "--images"), (masks, "capture.masks")] {
             let text = Capture::load(folder.path(), &options).err().unwrap().to_string();
             let expected = format!("{}: {what}; {option} takes", path.display());
             assert!(text.starts_with(&expected), "{text}");

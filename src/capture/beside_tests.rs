@@ -430,7 +430,11 @@ fn masks_in_another_place_are_named_with_the_option_that_uses_them() {
         write_masks(&folder.path().join(place), name);
         let message = warning(&load(folder.path()).unwrap(), "masks-beside-not-used", 12);
         assert!(message.starts_with("masks of 12 of 12 views in "), "{message}");
-        assert!(message.contains(&format!("; --masks {option} uses them")), "{message}");
+        assert!(
+            message
+                .contains(&format!("; --set capture.masks={option} (inspect: --masks {option}) uses them")),
+            "{message}"
+        );
         let options = LoadOptions { masks: Some(place.into()), ..LoadOptions::default() };
         let capture = Capture::load(folder.path(), &options).unwrap();
         assert!(!has_warning(&capture, "masks-beside-not-used") && capture.target(0).unwrap().mask.is_some());

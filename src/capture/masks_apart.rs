@@ -1,4 +1,4 @@
-//! Masks that lie where none are looked for without `--masks`.
+//! Masks that lie where none are looked for unless `masks` names the place.
 
 use super::folder::CaptureFolder;
 use super::paths::{has_word, is_hidden, normal};
@@ -38,12 +38,11 @@ pub(super) fn warn(folder: &CaptureFolder, photos: &PhotoFolder, views: &[Source
     let counted = places.into_iter().map(|place| (count(&place), place)).rev();
     if let Some((count, place)) = counted.max_by_key(|(count, _)| *count).filter(|(count, _)| *count > 0) {
         let inside = place.strip_prefix(&folder.root).unwrap_or(&place);
-        let inside = if inside.as_os_str().is_empty() { Path::new(".") } else { inside };
+        let inside = shell_word(if inside.as_os_str().is_empty() { Path::new(".") } else { inside });
         let what = format!(
-            "masks of {count} of {} views in {} are not used; --masks {} uses them",
+            "masks of {count} of {} views in {} are not used; --set capture.masks={inside} (inspect: --masks {inside}) uses them",
             views.len(),
             text::path(&place),
-            shell_word(inside)
         );
         report.warn("masks-beside-not-used", count, what);
     }

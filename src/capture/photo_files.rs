@@ -155,7 +155,7 @@ pub(super) fn find_masks(
     report: &mut Report,
 ) -> Result<Option<PhotoFolder>> {
     let masks = match &options.masks {
-        Some(masks) => Some(folder.given(masks, "--masks")?),
+        Some(masks) => Some(folder.given(masks, "capture.masks")?),
         None if folder.root.join("masks").is_dir() => Some(folder.photos("masks")),
         None => None,
     };

@@ -16,9 +16,6 @@ pub struct CaptureArgs {
     /// Folder of the images, for example images_4 [default: images]
     #[arg(long, value_name = "DIR")]
     pub images: Option<PathBuf>,
-    /// Folder of the masks; white pixels count [default: masks, if it exists]
-    #[arg(long, value_name = "DIR")]
-    pub masks: Option<PathBuf>,
     /// Hold out every Nth view in name order; 0 holds out none. A split stated in the capture's files takes precedence [default: 8]
     #[arg(long, value_name = "N", value_parser = parse_whole::<usize>)]
     pub test_every: Option<usize>,
@@ -33,6 +30,9 @@ pub struct CaptureArgs {
 pub struct WholeCaptureArgs {
     #[command(flatten)]
     usual: CaptureArgs,
+    /// Folder of the masks; white pixels count [default: masks, if it exists]
+    #[arg(long, value_name = "DIR")]
+    pub masks: Option<PathBuf>,
     /// Invert the masks: black pixels count
     #[arg(long)]
     pub mask_invert: bool,
@@ -83,7 +83,6 @@ impl CaptureArgs {
         set(&mut options.max_resolution, self.max_resolution);
         set(&mut options.test_every, self.test_every);
         set_some(&mut options.images, &self.images);
-        set_some(&mut options.masks, &self.masks);
         set_some(&mut options.test_list, &self.test_list);
     }
 }
@@ -92,6 +91,7 @@ impl WholeCaptureArgs {
     /// Writes what was given over `options`.
     pub fn apply(&self, options: &mut LoadOptions) {
         self.usual.apply(options);
+        set_some(&mut options.masks, &self.masks);
         set(&mut options.image_cache_bytes, self.image_cache);
         set(&mut options.exif, self.exif);
         set(&mut options.undistort_focal, self.undistort_focal);

@@ -104,7 +104,7 @@ pub struct TrainingArgs {
     #[arg(long, alias = "texture", value_name = "POLICY", help = policy_help())]
     pub policy: Option<Policy>,
     /// Any setting of config.toml by name, such as sh-degree=2, background=white, exposure=affine, components.pruning=false,
-    /// budget.max-splats=50000, eval-every=1000, save-every=5000, save-images=none or capture.mask-invert=true; may be repeated
+    /// budget.max-splats=50000, eval-every=1000, save-every=5000, save-images=none, capture.masks=FOLDER or capture.mask-invert=true; may be repeated
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub settings: Vec<String>,
     /// Largest number of parameters, such as 500k or 5M: a splat has 58 at SH degree 3 and 22 at degree 1, a texture map 2 and 3 per texel
