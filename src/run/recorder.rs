@@ -169,7 +169,8 @@ impl<'a> Recorder<'a> {
         self.metric(
             json!({ "event": "planned", "step": step, "steps": last_step, "eta_secs": remaining.secs(),
             "steps_secs": remaining.steps_secs, "density_control_secs": remaining.density_secs,
-            "pruning_secs": remaining.pruning_secs, "end_secs": remaining.end_secs,
+            "pruning_secs": remaining.pruning_secs, "rounding_secs": remaining.rounding_secs,
+            "end_secs": remaining.end_secs,
             "total_wall_secs": (self.total_wall_secs)() }),
         )
     }

@@ -15,6 +15,11 @@ const ROUND_STEPS_PER_PROBE: f64 = 1.6;
 /// Time of the renders of a density-control step before one is measured, in steps on full images (fox, 270 x 480: 0.3 to 0.8).
 const DENSITY_STEPS: f64 = 0.5;
 
+/// Time of measuring quantisation steps for a file of a wanted size, and of each rounding to its numbers, in steps on full images.
+/// Measured, all of it: about 60 on fox, 40 on bonsai (480 pixels, 1,000 steps, 8 roundings).
+const MEASURING_STEPS: f64 = 35.0;
+const ROUNDING_STEPS: f64 = 1.5;
+
 /// Seconds that the parts of the rest of a run will take.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Remaining {
@@ -24,6 +29,8 @@ pub struct Remaining {
     pub density_secs: f64,
     /// Rounds of pruning.
     pub pruning_secs: f64,
+    /// Rounding of the model to the numbers of its file.
+    pub rounding_secs: f64,
     /// Evaluation, files and the summary.
     pub end_secs: f64,
 }
@@ -36,7 +43,7 @@ impl Remaining {
 
     /// What does not depend on the number of steps.
     pub fn other_secs(&self) -> f64 {
-        self.density_secs + self.pruning_secs + self.end_secs
+        self.density_secs + self.pruning_secs + self.rounding_secs + self.end_secs
     }
 }
 
@@ -96,6 +103,11 @@ impl Course {
             }
             from = next;
         }
+        if let Some(phase) = schedule.rounding {
+            let measuring = if done < phase.start { MEASURING_STEPS } else { 0.0 };
+            let steps = measuring + ROUNDING_STEPS * f64::from(phase.roundings_after(done));
+            left.rounding_secs = steps * self.step_secs(1.0, self.size.splats(1.0, now));
+        }
         left
     }
 }
@@ -152,6 +164,7 @@ impl Eta {
             steps_secs: left.steps_secs * of_steps,
             density_secs: left.density_secs * ratio(self.density).unwrap_or(of_steps),
             pruning_secs: left.pruning_secs * ratio(self.pruning).unwrap_or(of_steps),
+            rounding_secs: left.rounding_secs * of_steps,
             end_secs: left.end_secs,
         }
     }
@@ -176,6 +189,10 @@ mod tests {
         // Two rounds of 1.6 steps on each of 43 views.
         let full = course.costs.step_secs(1e5, 14_000.0, 10_000.0);
         assert!((before.pruning_secs / (2.0 * 1.6 * 43.0 * full) - 1.0).abs() < 1e-9, "{before:?}");
+        assert_eq!(before.rounding_secs, 0.0);
+        let sized = Schedule::new(&TrainConfig { max_bytes: Some(100_000), ..config.clone() }, 43);
+        let rounding = Eta::new(course).remaining(&sized, 0, 10_000, scale).rounding_secs;
+        assert!((rounding / ((35.0 + 1.5 * 8.0) * full) - 1.0).abs() < 1e-9, "{rounding}");
         // Steps cost what is expected: the time passes as it was told.
         let mut gone = 0.0;
         let mut from = 0;

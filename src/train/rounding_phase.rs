@@ -34,6 +34,12 @@ impl RoundingPhase {
         step <= self.start || part(step) > part(step.saturating_sub(INTERVAL))
     }
 
+    /// Number of roundings after step `done`.
+    pub fn roundings_after(self, done: u32) -> u32 {
+        let from = (done + 1).max(self.start);
+        (from..=self.last).filter(|&step| self.is_due(step)).count() as u32
+    }
+
     /// Factor on the learning rates of a step: at full rates, numbers hop between quantisation steps.
     pub fn rates(self, step: u32) -> f32 {
         if step <= self.start {
@@ -55,6 +61,7 @@ mod tests {
         assert_eq!(due, [933, 943, 953, 963, 973, 983, 993, 1_000]);
         let chosen: Vec<u32> = due.iter().copied().filter(|&step| phase.chooses(step)).collect();
         assert_eq!(chosen, [933, 963, 983, 1_000]);
+        assert_eq!([0, 932, 933, 990, 1_000].map(|done| phase.roundings_after(done)), [8, 8, 7, 2, 0]);
         let rates = [1, 933, 934, 1_000].map(|step| phase.rates(step));
         assert_eq!([rates[0], rates[1], rates[3]], [1.0, 1.0, 0.1]);
         assert!((0.9..1.0).contains(&rates[2]), "{rates:?}");
