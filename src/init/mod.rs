@@ -9,6 +9,7 @@ mod coverage;
 #[cfg(test)]
 mod coverage_tests;
 mod input;
+mod orientation;
 mod patch;
 mod points;
 mod random;
@@ -79,6 +80,9 @@ pub fn initial_model(input: &InitInput<'_>, options: &InitOptions) -> Result<Ini
     points.iter_mut().for_each(|point| point.quaternion = rotation(turned, &mut stream));
     splats::size_by_spacing(&mut points);
     if options.start == Start::Coverage {
+        if !is_random {
+            orientation::face_cameras(&mut points, input);
+        }
         coverage::size_by_coverage(&mut points, input);
     }
     points.append(&mut backdrop);
