@@ -101,10 +101,10 @@ fn bounded_start(config: &TrainConfig, budget: &Budget, num_splats: usize) -> Op
     let (flag, each) = if by_texels <= by_params {
         (format!("budget.max-texels {}", max_texels.unwrap_or_default()), format!("{texels_each} texels"))
     } else {
-        (
-            format!("--budget-params {}", config.budget.max_params.unwrap_or_default()),
-            format!("{params_each} parameters"),
-        )
+        // With a size, the budget follows from it unless it is given.
+        let flag = if config.max_bytes.is_some() { "the budget of --max-size," } else { "--budget-params" };
+        let params = config.budget.max_params.unwrap_or_default();
+        (format!("{flag} {params}"), format!("{params_each} parameters"))
     };
     let splats = counted(num_splats, "splat");
     Some(format!(
@@ -126,13 +126,13 @@ mod tests {
             let bound = Budget { max_params: max_params.map(|most| 4 * most), ..budget };
             bounded_start(&TrainConfig { policy, budget, ..TrainConfig::default() }, &bound, splats)
         };
-        let texels = warning(Policy::Litetex, Some(10), Some(5), None, 1).unwrap();
+        let texels = warning(Policy::Fixed(2), Some(10), Some(5), None, 1).unwrap();
         assert!(texels.contains("budget.max-texels 5") && texels.contains("4 texels"), "{texels}");
-        let params = warning(Policy::Litetex, Some(90), None, Some(300), 33).unwrap();
-        assert!(params.contains("--budget-params 300") && params.contains("36 parameters"), "{params}");
+        let params = warning(Policy::Litetex, Some(90), None, Some(300), 54).unwrap();
+        assert!(params.contains("--budget-params 300") && params.contains("22 parameters"), "{params}");
         // Bounded by the splats or by the points, and a policy without texels.
-        assert_eq!(warning(Policy::Litetex, Some(10), Some(40), None, 10), None);
-        assert_eq!(warning(Policy::Litetex, None, Some(5000), None, 300), None);
+        assert_eq!(warning(Policy::Fixed(2), Some(10), Some(40), None, 10), None);
+        assert_eq!(warning(Policy::Fixed(2), None, Some(5000), None, 300), None);
         assert_eq!(warning(Policy::Plain, Some(10), Some(5), None, 10), None);
         assert_eq!(warning(Policy::Litetex, None, None, None, 300), None);
         // There was room for more.

@@ -1,5 +1,6 @@
 //! Makes a density-control step: reads the statistics window, lets [`density`] decide, and has the backend apply the plan.
 
+use super::charge::Charge;
 use super::config::{Exposure, TrainConfig};
 use super::density::{self, DensityCounts, Revision, Situation, SplatHistory, SplitShare, Timing};
 use super::exposure::Exposures;
@@ -136,6 +137,7 @@ impl DensityControl<'_> {
             render_scale: self.stage.render_scale,
             texture_cap: self.stage.texture_cap,
             timing,
+            charge: Charge::for_file(config.max_bytes.is_some()),
             budget: budget.within(&self.limits),
             initial_splats: state.pace.initial,
             seed: RandomStream::Growth.seed(config.seed, step),

@@ -8,6 +8,7 @@ use super::sizes::Sizes;
 use crate::backend::{DensityPlan, MapChange, SplatEdit};
 use crate::constants::sh_coefficients;
 use crate::model::{Model, ModelSize};
+use crate::train::charge::Charge;
 
 /// New parameters of a half.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,17 +37,10 @@ pub struct PlannedSplat {
     pub sh_degree: u8,
 }
 
-impl PlannedSplat {
-    /// Parameters of the splat with its map.
-    pub fn params(&self) -> usize {
-        ModelSize::uniform(1, self.texels, self.sh_degree.into()).params()
-    }
-}
-
-/// Parameters that these add to the splat that they replace, at least 1: halves may need fewer texels than the whole.
-pub fn cost(whole: &PlannedSplat, parts: &[PlannedSplat]) -> f64 {
-    let added = parts.iter().map(PlannedSplat::params).sum::<usize>() as f64 - whole.params() as f64;
-    added.max(1.0)
+/// Charge of what these add to the splat that they replace, at least that of one number: halves may need fewer texels than the whole.
+pub fn cost(charge: &Charge, whole: &PlannedSplat, parts: &[PlannedSplat]) -> f64 {
+    let of = |planned: &PlannedSplat| charge.of(planned.sh_degree, planned.texels);
+    (parts.iter().map(of).sum::<f64>() - of(whole)).max(charge.least())
 }
 
 /// Size of the planned model.

@@ -106,7 +106,8 @@ impl Policy {
             name: "litetex",
             help: Some("splits, finer maps and SH bands compete by error removed per parameter"),
             map_rule: MapRule::Adaptive,
-            first_map: FirstMap::Covering,
+            // Method 5.1: maps are offered like all else.
+            first_map: FirstMap::None,
             rule: Rule::Litetex,
             // Authors' configuration (method 6.1).
             densify_until: 15_000,
@@ -131,7 +132,6 @@ impl Policy {
                 name: "none",
                 help: Some("no textures, splats as with litetex"),
                 map_rule: MapRule::None,
-                first_map: FirstMap::None,
                 ..litetex
             },
             Self::Plain => PolicySpec {
@@ -149,10 +149,14 @@ impl Policy {
                 opacity_floor: [0.005; 2],
                 without: &["splitting", "growth", "pruning"],
             },
-            Self::Paper => PolicySpec { name: "paper", help: None, rule: Rule::Paper(paper), ..litetex },
-            Self::Authors => {
-                PolicySpec { name: "authors", help: None, rule: Rule::Paper(authors), ..litetex }
-            }
+            Self::Paper => PolicySpec {
+                name: "paper",
+                help: None,
+                first_map: FirstMap::Covering,
+                rule: Rule::Paper(paper),
+                ..litetex
+            },
+            Self::Authors => PolicySpec { name: "authors", rule: Rule::Paper(authors), ..Self::Paper.spec() },
             Self::Cat => PolicySpec {
                 name: "cat",
                 help: None,

@@ -6,6 +6,7 @@ use super::sizes::MapRule;
 use crate::backend::{DensityPlan, WindowStatistics};
 use crate::camera::Camera;
 use crate::model::Model;
+use crate::train::charge::Charge;
 use serde::Serialize;
 
 /// What a revision is decided from.
@@ -31,6 +32,8 @@ pub struct Situation<'a> {
     pub texture_cap: u16,
     /// What the timetable allows.
     pub timing: Timing,
+    /// What growth is charged for.
+    pub charge: Charge,
     /// Bounds of the model after the step.
     pub budget: Budget,
     /// Number of splats at initialisation.

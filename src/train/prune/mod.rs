@@ -2,7 +2,6 @@
 //! per parameter (method 6.15).
 
 mod accept;
-mod charge;
 mod costs;
 mod cut;
 mod error;

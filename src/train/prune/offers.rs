@@ -1,10 +1,10 @@
 //! What each splat could do without, and what that would cost.
 
-use super::charge::Charge;
 use super::costs::{AXES, Costs, SplatCosts, costs_of, depths};
 use crate::backend::{Grid, MapChange};
 use crate::constants::sh_coefficients;
 use crate::model::{AdamState, Model, ModelSize};
+use crate::train::charge::Charge;
 use crate::train::density::{Coarsening, cropped_map, map_window};
 use rayon::prelude::*;
 

@@ -1,10 +1,10 @@
 //! A round of pruning: what it aims at, what it did, and the error that it watches.
 
-use super::charge::Charge;
 use super::error::mean_squared_error;
 use super::probe::ProbeView;
 use crate::Result;
 use crate::backend::{Backend, ColourMap, LearningRates, LossWeights, TargetImage};
+use crate::train::charge::Charge;
 use crate::train::config::TrainConfig;
 use crate::train::density::MapRule;
 use crate::train::exposure::Exposures;
@@ -165,7 +165,7 @@ impl Round {
 
     /// What the model is charged for.
     pub fn charge(&self) -> Charge {
-        if self.max_bytes.is_some() { Charge::BYTES } else { Charge::PARAMS }
+        Charge::for_file(self.max_bytes.is_some())
     }
 
     /// Mean squared error up to which a model is good enough. With a bound none is: it gets the best that fits.

@@ -1,7 +1,6 @@
 //! Predictions of offers, against what their plans do to the image.
 
 use super::accept::{Excess, accept, planned, threshold_for};
-use super::charge::Charge;
 use super::offers::{Accepted, Offers, Thresholds};
 use super::probe::{BETWEEN, ProbeView, probe_through, probed};
 use super::round::trial_steps;
@@ -9,6 +8,7 @@ use crate::backend::{Backend as _, ColourMap, MapChange, RenderOptions};
 use crate::cpu::CpuBackend;
 use crate::model::{AdamState, Model, TextureMap};
 use crate::selftest::{RandomScene, SceneOptions, random_scene};
+use crate::train::charge::Charge;
 use crate::train::density::cropped_map;
 
 const PROBES: u64 = 300;

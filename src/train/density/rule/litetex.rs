@@ -12,8 +12,9 @@ use crate::train::density::settings::Budget;
 use crate::train::density::situation::{DensityCounts, Revision, Situation};
 use crate::train::density::stats::ErrorMeasure;
 
-/// The share of a splat's error that a finer map is expected to remove, and the share that another SH band is, over the share that
-/// a split removes (method 6.6).
+/// The share of a splat's error that its first map is expected to remove, that a finer one is, and that another SH band is, over
+/// the share that a split removes (method 6.6).
+const FIRST_MAP_GAIN: f64 = 1.0;
 const REFINED_GAIN: f64 = 0.25;
 const BAND_GAIN: f64 = 1.0;
 
@@ -39,6 +40,7 @@ enum Kind {
     Split,
     /// A split of a splat that is too short for others, to replace a pruned one.
     Respawn,
+    FirstMap,
     Refined,
     Band,
 }
@@ -49,6 +51,7 @@ impl Kind {
         match self {
             Self::Split => 1.0,
             Self::Respawn => RESPAWN_WEIGHT,
+            Self::FirstMap => FIRST_MAP_GAIN,
             Self::Refined => REFINED_GAIN,
             Self::Band => BAND_GAIN,
         }
@@ -99,7 +102,7 @@ fn all_offers(s: &Situation<'_>, prepared: &mut Prepared) -> Vec<Offer> {
         let splat = planned.source as usize;
         let found = offers_of(s, planned, high_error[splat], may_gain_band[splat], pixels[splat]);
         offers.extend(found.into_iter().map(|(kind, parts)| {
-            let weight = kind.gain() * scores.error[splat] / cost(planned, &parts);
+            let weight = kind.gain() * scores.error[splat] / cost(&s.charge, planned, &parts);
             Offer { splat, kind, parts, weight }
         }));
     }
@@ -117,8 +120,9 @@ fn offers_of(
 ) -> Vec<(Kind, Vec<PlannedSplat>)> {
     let mut offers = Vec::new();
     if let Some(refined) = is_high_error.then(|| map::refined(s, Moments::Scaled, planned)).flatten() {
+        let kind = if planned.texels == 0 { Kind::FirstMap } else { Kind::Refined };
         match refined.texels > planned.texels {
-            true => offers.push((Kind::Refined, vec![refined])),
+            true => offers.push((kind, vec![refined])),
             false => *planned = refined,
         }
     }
@@ -151,7 +155,7 @@ fn take(s: &Situation<'_>, offers: &[Offer], plan: &mut Plan, counts: &mut Densi
         let has_room = match kind {
             Kind::Split => may_split,
             Kind::Respawn => may_split && plan.num_splats() < s.initial_splats,
-            Kind::Refined | Kind::Band => true,
+            Kind::FirstMap | Kind::Refined | Kind::Band => true,
         };
         if is_served[splat] || !has_room {
             continue;
@@ -164,7 +168,7 @@ fn take(s: &Situation<'_>, offers: &[Offer], plan: &mut Plan, counts: &mut Densi
         *match kind {
             Kind::Split => &mut counts.split,
             Kind::Respawn => &mut counts.respawned,
-            Kind::Refined => &mut counts.refined,
+            Kind::FirstMap | Kind::Refined => &mut counts.refined,
             Kind::Band => &mut counts.bands_gained,
         } += 1;
     }

@@ -21,6 +21,7 @@ use crate::camera::Camera;
 use crate::constants::ALPHA_MIN;
 use crate::model::{Model, ModelSize, TextureMap, TexturePool};
 use crate::selftest::{RandomScene, SceneOptions, random_scene};
+use crate::train::charge::Charge;
 
 const N: usize = 12;
 
@@ -87,6 +88,7 @@ fn situation<'a>(
         render_scale: 1.0,
         texture_cap: 256,
         timing: TIMING,
+        charge: Charge::PARAMS,
         budget: Budget::default(),
         initial_splats: 0,
         seed: 0,

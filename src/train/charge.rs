@@ -20,6 +20,16 @@ impl Charge {
     /// 129 kB: 5.8, 0.46 and 0.72. With 6.5 for a splat bonsai fits, too; that of a map was not measured.
     pub const BYTES: Self = Self { splat: 6.5, coefficient: 0.46, map: 0.5, texel: 0.72 };
 
+    /// What a model is charged for that is bounded by the size of its file, or else by its parameters.
+    pub fn for_file(has_size: bool) -> Self {
+        if has_size { Self::BYTES } else { Self::PARAMS }
+    }
+
+    /// Charge of a number of a colour channel: the least that a part of a model adds.
+    pub fn least(&self) -> f64 {
+        self.coefficient / 3.0
+    }
+
     /// Charge of a splat.
     pub fn of(&self, degree: u8, texels: usize) -> f64 {
         let maps = usize::from(texels > 0);
