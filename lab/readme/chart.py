@@ -1,15 +1,18 @@
 #!/usr/bin/env python3
-"""Draws docs/images/quality-by-bytes.svg from lab/results/readme.jsonl: lab/readme/chart.py
+"""Draws quality by the bytes of files from lab/results: lab/readme/chart.py
 
-A panel per capture: held-out PSNR against the bytes of the file, a line per format. Where PSNR falls as a model grows, which the
-exposure of a single photo can do, the panel shows gradient-PSNR instead. Prints what share of the bytes of SOG and SPZ a `.ltgs` file of
-equal quality takes, interpolated between the files measured.
+docs/images/quality-by-bytes.svg from readme.jsonl: a panel per capture, held-out PSNR against the bytes of the file, a line per format.
+Where PSNR falls as a model grows, which the exposure of a single photo can do, the panel shows gradient-PSNR instead. Prints what share of
+the bytes of SOG and SPZ a `.ltgs` file of equal quality takes, interpolated between the files measured.
+docs/images/operating-points.svg from operating-points.jsonl: the same of `.ltgs` files, gradient-PSNR, a line per size of the model.
 """
 import math
 
 import shared
 
+# What a line shows, by the value of a key: its label and colour.
 FORMATS = {"ltgs": (".ltgs, textured", "#2a6fdb"), "sog": ("SOG", "#c2571a"), "spz": ("SPZ", "#8a3fb0")}
+MODELS = {150_000: ("150,000 parameters", "#2a6fdb"), 300_000: ("300,000", "#c2571a"), 600_000: ("600,000", "#8a3fb0")}
 FIGURES = {"psnr": "PSNR, dB", "grad_psnr": "gradient-PSNR, dB"}
 # Of a panel, pixels.
 WIDTH, HEIGHT, LEFT, TOP, STRIDE = 300, 230, 56, 44, 400
@@ -17,9 +20,9 @@ STYLE = """text{fill:#24292f;font:13px system-ui,sans-serif}.grid{stroke:#d0d7de
 @media(prefers-color-scheme:dark){text{fill:#d6dde6}.grid{stroke:#3d444d}}"""
 
 
-def points(lines, capture, extension, figure):
-    """(bytes, figure) of the files of a format, the smallest first."""
-    found = [line for line in lines if (line["capture"], line["format"]) == (capture, extension)]
+def points(lines, capture, name, figure):
+    """(bytes, figure) of the files that a line of a capture's panel shows, the smallest first."""
+    found = [line for line in lines if line["capture"] == capture and name in (line.get("format"), line["budget_params"])]
     return sorted((line["bytes"], line["figures"][figure]) for line in found)
 
 
@@ -31,11 +34,10 @@ def figure_of(lines, capture):
     return next(figure for figure in FIGURES if rises(figure))
 
 
-def panel(lines, capture, at):
+def panel(lines, capture, at, names, figure):
     """SVG of a capture; the panels stand side by side."""
-    figure = figure_of(lines, capture)
-    by_format = {extension: points(lines, capture, extension, figure) for extension in FORMATS}
-    sizes, values = zip(*(point for found in by_format.values() for point in found))
+    by_name = {name: points(lines, capture, name, figure) for name in names}
+    sizes, values = zip(*(point for found in by_name.values() for point in found))
     low, high = math.floor(min(values) * 2) / 2, math.ceil(max(values) * 2) / 2
     first, last = math.log(min(sizes) / 1.15), math.log(max(sizes) * 1.15)
 
@@ -56,8 +58,8 @@ def panel(lines, capture, at):
             x = place(size, low)[0]
             out.append(f'<path class="grid" d="M{x:.1f} {TOP}v{HEIGHT}"/>'
                        f'<text x="{x:.1f}" y="{bottom + 20}" text-anchor="middle">{size // 1000} kB</text>')
-    for extension, found in by_format.items():
-        label, colour = FORMATS[extension]
+    for name, found in by_name.items():
+        label, colour = names[name]
         placed = [place(*point) for point in found]
         path = "L".join(f"{x:.1f} {y:.1f}" for x, y in placed)
         dots = "".join(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" fill="{colour}"/>' for x, y in placed)
@@ -77,24 +79,32 @@ def shares(lines, capture):
                     yield f"{capture}, {extension}, {size} bytes, {value:.2f} dB: {equal / size:.2f}"
 
 
-def legend():
+def legend(names):
     out = []
-    for at, (label, colour) in enumerate(FORMATS.values()):
-        x, y = LEFT + at * 150, TOP + HEIGHT + 48
+    for at, (label, colour) in enumerate(names.values()):
+        x, y = LEFT + at * 190, TOP + HEIGHT + 48
         out.append(f'<path d="M{x} {y}h26" stroke="{colour}" stroke-width="2.5"/><text x="{x + 34}" y="{y + 4}">{label}</text>')
     return out
 
 
-def main():
-    lines = shared.read()
+def draw(file, label, lines, names, figure_of):
+    """Writes a chart with a panel per capture."""
     captures = list(dict.fromkeys(line["capture"] for line in lines))
     width, height = LEFT + STRIDE * (len(captures) - 1) + WIDTH + 20, TOP + HEIGHT + 64
     out = [f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}" role="img" '
-           f'aria-label="Held-out quality by bytes of the file"><style>{STYLE}</style>']
+           f'aria-label="{label}"><style>{STYLE}</style>']
     for at, capture in enumerate(captures):
-        out += panel(lines, capture, at)
+        out += panel(lines, capture, at, names, figure_of(lines, capture))
+    (shared.ROOT / "docs/images" / file).write_text("\n".join([*out, *legend(names), "</svg>", ""]))
+
+
+def main():
+    lines = shared.read("readme.jsonl")
+    for capture in dict.fromkeys(line["capture"] for line in lines):
         print(*shares(lines, capture), sep="\n")
-    (shared.ROOT / "docs/images/quality-by-bytes.svg").write_text("\n".join([*out, *legend(), "</svg>", ""]))
+    draw("quality-by-bytes.svg", "Held-out quality by bytes of the file", lines, FORMATS, figure_of)
+    draw("operating-points.svg", "Held-out quality of files of models of three sizes", shared.read("operating-points.jsonl"), MODELS,
+         lambda *_: "grad_psnr")
 
 
 if __name__ == "__main__":

@@ -31,7 +31,7 @@ def panel(path, label):
 
 def main():
     work = Path(sys.argv[1])
-    lines = [line for line in shared.read() if line["capture"] == CAPTURE]
+    lines = [line for line in shared.read("readme.jsonl") if line["capture"] == CAPTURE]
     ours = next(line for line in lines if (line["policy"], line["budget_params"]) == OURS)
     theirs = min((line for line in lines if line["format"] == "sog"), key=lambda line: abs(line["bytes"] - ours["bytes"]))
     name = ours["figures"]["per_view"][0]["name"]

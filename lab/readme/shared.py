@@ -8,9 +8,9 @@ ROOT = Path(__file__).resolve().parents[2]
 RESULTS = ROOT / "lab/results"
 
 
-def read():
-    """The files that measure.py measured."""
-    return [json.loads(line) for line in (RESULTS / "readme.jsonl").read_text().splitlines()]
+def read(name):
+    """The lines of a file of results."""
+    return [json.loads(line) for line in (RESULTS / name).read_text().splitlines()]
 
 
 def write(name, lines):
