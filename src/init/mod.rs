@@ -86,7 +86,7 @@ pub fn initial_model(input: &InitInput<'_>, options: &InitOptions) -> Result<Ini
         coverage::size_by_coverage(&mut points, input);
     }
     points.append(&mut backdrop);
-    let model = splats::model(input, &along_a_curve(&points), options)?;
+    let model = splats::model(input, &along_a_curve(&points), options, is_random)?;
     Ok(InitialModel { model, report, is_random })
 }
 

@@ -27,8 +27,9 @@ const TOO_SMALL: u64 = 25;
 /// Bytes of a splat in the coarsest files, with a margin: 6 to 7 on fox and bonsai.
 const SPLAT_BYTES: u64 = 8;
 
-/// Finest steps, as a power of two of those by which all numbers cost the same: finer ones cost bytes and gain nothing that shows.
-const FINEST_LOG2: f64 = -2.0;
+/// Finest steps, as a power of two of those by which all numbers cost the same: finer ones gain nothing that shows. Measured on 60,000
+/// parameters of the fox, 240 pixels: files of the same model of 72 and 46 kB differ by 0.01 dB; with -2 they have 80 kB.
+const FINEST_LOG2: f64 = 2.0;
 
 /// Most times that the numbers of a file are rounded again.
 const REPEATS_MAX: usize = 4;
