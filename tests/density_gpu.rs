@@ -12,6 +12,7 @@ use litetex_gs::backend::{Backend, WindowStatistics};
 use litetex_gs::camera::Camera;
 use litetex_gs::cpu::CpuBackend;
 use litetex_gs::gpu::{GpuOptions, LimitChoice};
+use litetex_gs::train::charge::Charge;
 use litetex_gs::train::density::{
     Budget, Components, MapRule, Revision, Situation, SplatHistory, Timing, revise,
 };
@@ -69,6 +70,7 @@ fn decided(backend: &mut dyn Backend, histories: &[SplatHistory], cameras: &[Cam
             patience: 2,
             opacity_floor: 0.02,
         },
+        charge: Charge::PARAMS,
         budget: Budget::default(),
         initial_splats: model.num_splats(),
         seed: 0,

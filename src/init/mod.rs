@@ -79,14 +79,13 @@ pub fn initial_model(input: &InitInput<'_>, options: &InitOptions) -> Result<Ini
         (local_from_cameras(input.views), Stream::new(options.seed, Purpose::Rotations));
     points.iter_mut().for_each(|point| point.quaternion = rotation(turned, &mut stream));
     splats::size_by_spacing(&mut points);
-    if options.start == Start::Coverage {
-        if !is_random {
-            orientation::face_cameras(&mut points, input);
-        }
+    // Random splats have no surface yet: smaller ones take longer to find it.
+    if options.start == Start::Coverage && !is_random {
+        orientation::face_cameras(&mut points, input);
         coverage::size_by_coverage(&mut points, input);
     }
     points.append(&mut backdrop);
-    let model = splats::model(input, &along_a_curve(&points), options, is_random)?;
+    let model = splats::model(input, &along_a_curve(&points), options)?;
     Ok(InitialModel { model, report, is_random })
 }
 

@@ -6,7 +6,7 @@ use crate::Result;
 use crate::constants::SH_0;
 use crate::knn::nearest;
 use crate::model::{Model, SplatArrays, TextureMap, TexturePool, support_half_extent};
-use crate::train::FirstMap;
+use crate::train::Policy;
 
 /// Opacity of every splat at a point (3DGS).
 const OPACITY: f64 = 0.1;
@@ -35,12 +35,7 @@ pub(super) fn size_by_spacing(points: &mut [LocalPoint]) {
 }
 
 /// A round splat at each point.
-pub(super) fn model(
-    input: &InitInput<'_>,
-    points: &[LocalPoint],
-    options: &InitOptions,
-    is_random: bool,
-) -> Result<Model> {
+pub(super) fn model(input: &InitInput<'_>, points: &[LocalPoint], options: &InitOptions) -> Result<Model> {
     let mut splats = SplatArrays::zeros(points.len(), options.sh_degree);
     splats.positions = points.iter().flat_map(|p| p.position).collect();
     splats.log_scales = points.iter().flat_map(|p| [p.sigma.ln(); 2]).collect();
@@ -51,8 +46,7 @@ pub(super) fn model(
             *out = ((f64::from(c) - 0.5) / SH_0) as f32;
         }
     }
-    let first = options.policy.first_map(is_random);
-    let maps = points.iter().map(|point| first_map(point, first));
+    let maps = points.iter().map(|point| first_map(point, options.policy));
     Ok(Model {
         textures: TexturePool::neutral(maps)?,
         splats,
@@ -63,7 +57,8 @@ pub(super) fn model(
 }
 
 /// The map of a round splat.
-fn first_map(point: &LocalPoint, first: FirstMap) -> TextureMap {
+fn first_map(point: &LocalPoint, policy: Policy) -> TextureMap {
     let half_extent = support_half_extent(f64::from(point.sigma), point.opacity);
+    let first = policy.spec().first_map;
     TextureMap::square(first.side(), first.side(), first.texel_size(half_extent) as f32)
 }

@@ -173,6 +173,20 @@ fn splats_face_the_nearest_camera_that_shows_them() {
 }
 
 #[test]
+fn random_splats_start_at_the_spacing_of_their_points() {
+    let capture = capture(&Scene::ring(9));
+    let [by_coverage, by_spacing] = [Start::Coverage, Start::Spacing].map(|start| {
+        let options = InitOptions { start, ..InitOptions::default() };
+        [InitPoints::Random(500), InitPoints::Sparse(&capture.points)].map(|points| {
+            let splats = made_from(&capture, points, &options).unwrap().0.splats;
+            (splats.log_scales, splats.opacity_logits, splats.quaternions)
+        })
+    });
+    assert_eq!(by_coverage[0], by_spacing[0]);
+    assert_ne!(by_coverage[1], by_spacing[1], "negative control: those at points");
+}
+
+#[test]
 fn quaternions_are_uniform_over_all_orthants() {
     let model = random(&capture(&Scene::ring(9)), 4000);
     let mut orthants = [0; 16];

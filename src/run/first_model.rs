@@ -3,7 +3,7 @@
 use super::config::RunConfig;
 use super::init_source::InitSource;
 use crate::capture::Capture;
-use crate::init::{InitInput, InitOptions, InitPoints, InitialModel, initial_model};
+use crate::init::{InitInput, InitOptions, InitialModel, initial_model};
 use crate::model::{ModelSize, splat_params};
 use crate::text::counted;
 use crate::train::density::Budget;
@@ -21,9 +21,7 @@ pub fn fresh_model(
     max_points: Option<usize>,
     config: &TrainConfig,
 ) -> Result<InitialModel> {
-    let points = source.resolve(capture)?;
-    let may_be_random = !matches!(points.as_input(), InitPoints::Sparse(_));
-    let texels_each = config.policy.first_texels_each(may_be_random);
+    let texels_each = config.policy.first_texels_each();
     let schedule = Schedule::new(config, capture.indices(Split::Train).len());
     let budget = schedule.budget(config, 0);
     let most =
@@ -36,6 +34,7 @@ pub fn fresh_model(
             config.policy
         ));
     }
+    let points = source.resolve(capture)?;
     let input = InitInput {
         views: capture,
         points: points.as_input(),
@@ -78,18 +77,18 @@ pub fn fresh_model(
 pub fn fresh_state(capture: &Capture, config: &mut RunConfig, report: &mut Report) -> Result<TrainState> {
     let first = fresh_model(capture, &config.init, config.max_points, &config.train)?;
     report.merge(first.report);
-    config.train.random_start = first.is_random;
     let budget = Schedule::new(&config.train, capture.indices(Split::Train).len()).budget(&config.train, 0);
     if let Some(what) = bounded_start(&config.train, &budget, first.model.num_splats()) {
         report.warn("start-bounded-by-budget", 1, what);
     }
+    config.train.random_start = first.is_random;
     Ok(TrainState::fresh(first.model))
 }
 
 /// A warning if the budget of texels or parameters, and not that of splats, bounds how many splats a new model has:
 /// users who set several budgets do not expect it. `budget` is what bounds it, which may exceed that of the user.
 fn bounded_start(config: &TrainConfig, budget: &Budget, num_splats: usize) -> Option<String> {
-    let texels_each = config.policy.first_texels_each(config.random_start);
+    let texels_each = config.policy.first_texels_each();
     let params_each = ModelSize::uniform(1, texels_each, config.least_sh_degree()).params();
     let room = |most: Option<usize>, each: usize| most.map_or(usize::MAX, |most| most / each.max(1));
     let &Budget { max_splats, max_texels, max_params } = budget;

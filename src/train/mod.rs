@@ -3,7 +3,7 @@
 //! devices.
 
 mod background;
-mod charge;
+pub mod charge;
 pub mod checkpoint;
 mod colour;
 mod config;

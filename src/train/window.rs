@@ -117,7 +117,7 @@ impl DensityControl<'_> {
             patience: schedule.patience,
             opacity_floor: schedule.opacity_floor(config, step),
         };
-        let each = config.policy.first_texels_each(config.random_start);
+        let each = config.policy.first_texels_each();
         let bare = ModelSize::uniform(state.pace.initial, each, 0);
         let degree = config.first_sh_degree(bare, &schedule.budget(config, 0));
         let start = ModelSize::uniform(state.pace.initial, each, degree);

@@ -41,8 +41,6 @@ pub struct PolicySpec {
     pub map_rule: MapRule,
     /// The initial maps.
     pub first_map: FirstMap,
-    /// Those of splats at random places.
-    pub first_map_at_random: FirstMap,
     /// The rule of its density-control steps.
     pub rule: Rule,
     /// Last step of the published timetable after which the model grows.
@@ -108,9 +106,8 @@ impl Policy {
             name: "litetex",
             help: Some("splits, finer maps and SH bands compete by error removed per parameter"),
             map_rule: MapRule::Adaptive,
-            // Method 6.6: maps are offered like all else.
+            // Method 5.1: maps are offered like all else.
             first_map: FirstMap::None,
-            first_map_at_random: FirstMap::Covering,
             rule: Rule::Litetex,
             // Authors' configuration (method 6.1).
             densify_until: 15_000,
@@ -129,14 +126,12 @@ impl Policy {
                 help: Some("R x R texels for each splat, R from 2 to 256"),
                 map_rule: MapRule::Fixed(side),
                 first_map: FirstMap::Spanning(side),
-                first_map_at_random: FirstMap::Spanning(side),
                 ..litetex
             },
             Self::None => PolicySpec {
                 name: "none",
                 help: Some("no textures, splats as with litetex"),
                 map_rule: MapRule::None,
-                first_map_at_random: FirstMap::None,
                 ..litetex
             },
             Self::Plain => PolicySpec {
@@ -146,7 +141,6 @@ impl Policy {
                 ),
                 map_rule: MapRule::None,
                 first_map: FirstMap::None,
-                first_map_at_random: FirstMap::None,
                 rule: Rule::Plain,
                 // Method 6.12; 3DGS-MCMC: 25,000.
                 densify_until: 20_000,
@@ -167,7 +161,6 @@ impl Policy {
                 name: "cat",
                 help: None,
                 first_map: FirstMap::Spanning(8),
-                first_map_at_random: FirstMap::Spanning(8),
                 rule: Rule::Paper(authors),
                 densify_until: 25_000,
                 opacity_floor: [1.0 / 255.0; 2],
@@ -186,15 +179,9 @@ impl Policy {
         }
     }
 
-    /// The map of each initial splat.
-    pub fn first_map(self, is_random: bool) -> FirstMap {
-        let PolicySpec { first_map, first_map_at_random, .. } = self.spec();
-        if is_random { first_map_at_random } else { first_map }
-    }
-
     /// Texels of each initial splat.
-    pub fn first_texels_each(self, is_random: bool) -> usize {
-        usize::from(self.first_map(is_random).side()).pow(2)
+    pub fn first_texels_each(self) -> usize {
+        usize::from(self.spec().first_map.side()).pow(2)
     }
 }
 
