@@ -92,8 +92,8 @@ fn a_run_writes_what_the_schema_documents() {
         ("/quality/psnr_corrected", 5.0),
         ("/quality/uncovered", -1.0),
         ("/size/splats", 99.0),
-        // Measured: 1,140, 2 x 2 for most of 300 splats.
-        ("/size/texels", 799.0),
+        // Measured: 316, 2 x 2 for a quarter of 300 splats.
+        ("/size/texels", 199.0),
         ("/size/params", 0.0),
         ("/time/train_wall_secs", 0.0),
         ("/time/train_cpu_secs", 0.0),
@@ -442,8 +442,11 @@ fn invalid_settings_and_tight_budgets_are_named() {
         assert!(code == 2 && stderr.contains(part), "{code}: {stderr}");
     }
     assert!(!Path::new(&out).exists());
-    let (code, _, stderr) =
-        run(&[&train[..], &["--set", "budget.max-splats=10", "--set", "budget.max-texels=5"]].concat());
+    let (code, _, stderr) = run(&[
+        &train[..],
+        &["--policy", "fixed:2", "--set", "budget.max-splats=10", "--set", "budget.max-texels=5"],
+    ]
+    .concat());
     assert!(code == 0 && stderr.contains("budget.max-texels 5 leaves room for 1 splat"), "{code}: {stderr}");
     let summary = place.json("run/summary.json");
     let warnings = summary["warnings"].as_array().unwrap();
