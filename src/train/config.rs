@@ -24,14 +24,15 @@ pub enum Backdrop {
     None,
 }
 
-/// Sizes and opacities of the splats at the start.
+/// Sizes, opacities and orientations of the splats at the start. Random ones start as by [`Start::Spacing`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Start {
-    /// Small and opaque where enough of them cover the scene; elsewhere as large as the spacing of the points.
+    /// Small and opaque where enough of them cover the scene, elsewhere as large as the spacing of the points; facing the nearest
+    /// camera (method 5.5 and 5.6).
     #[default]
     Coverage,
-    /// The spacing of the points, opacity 0.1 (3DGS).
+    /// The spacing of the points, opacity 0.1 (3DGS), turned at random.
     Spacing,
 }
 

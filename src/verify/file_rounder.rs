@@ -28,7 +28,7 @@ const TOO_SMALL: u64 = 25;
 const SPLAT_BYTES: u64 = 8;
 
 /// Finest steps, as a power of two of those by which all numbers cost the same: finer ones gain nothing that shows. Measured on 60,000
-/// parameters of the fox, 240 pixels: files of the same model of 72 and 46 kB differ by 0.01 dB; with -2 they have 80 kB.
+/// parameters of the fox, 240 pixels: 52 kB, 27.92 / 35.91 dB of PSNR and gradient-PSNR; with -2, 80 kB, 27.93 / 35.92 dB.
 const FINEST_LOG2: f64 = 2.0;
 
 /// Most times that the numbers of a file are rounded again.

@@ -57,8 +57,8 @@ pub fn train(
     train_by(&timing, config, backend, None, views, start, sink)
 }
 
-/// [`train`] by a clock, on a backend, with what rounds the model if its file has a wanted size. With a deadline, the length of the run follows from the time: each decision is reported by
-/// [`TrainEvent::Planned`]. A run whose settings hold these decisions repeats them without a clock.
+/// [`train`] by a clock, with what rounds the model if its file has a wanted size. With a deadline, the length of the run follows
+/// from the time: each decision is reported by [`TrainEvent::Planned`]. A run whose settings hold these decisions repeats them without a clock.
 ///
 /// # Errors
 /// As [`train`].
