@@ -1,19 +1,26 @@
 //! The interface between the trainer and the devices. A backend owns the model and the optimiser's state during
 //! training; the trainer sends it views and plans and reads results back.
 
+mod comparison;
+mod costs;
 mod exposure;
 mod limits;
 mod plan;
+mod probe;
 
 use crate::Result;
 use crate::camera::Camera;
 pub use crate::image::TargetImage;
 pub use crate::model::LearningRates;
 use crate::model::{AdamState, Model};
+pub use comparison::ComparedView;
+pub use costs::{AXES, Costs, Derivatives, costs_of, depths};
 pub use exposure::{ColourMap, ColourSums, NUM_COLOUR_SUMS};
 pub use limits::{DeviceLimits, SceneShape};
 pub use plan::{DensityPlan, Grid, MapChange, SplatEdit};
+pub use probe::{BETWEEN, Probe, probed};
 use serde::{Deserialize, Serialize};
+use std::any::Any;
 
 /// Description of a device.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -101,9 +108,9 @@ pub struct StepRequest<'a> {
     pub step: u32,
     /// Camera of the view.
     pub camera: Camera,
-    /// Identity of the photo: until the next upload of a model, equal numbers mean equal photos of equal size, so
-    /// that a backend may keep them resident.
-    pub photo: u32,
+    /// Identity of the photo: until [`Backend::forget_photos`], equal numbers mean equal photos if the size is the same, so
+    /// that a backend may keep them resident. `None`: it is used once.
+    pub photo: Option<u32>,
     /// The photo, of the camera's size.
     pub target: &'a TargetImage,
     /// Display-space colour behind all splats.
@@ -238,6 +245,9 @@ impl WindowStatistics {
     }
 }
 
+/// A copy of the model and the optimiser's state, kept where the backend keeps its own.
+pub struct SavedState(pub(crate) Box<dyn Any>);
+
 /// An implementation of rendering and optimisation on a device.
 pub trait Backend {
     /// Describes the device.
@@ -252,11 +262,42 @@ pub trait Backend {
     /// [`crate::Error::Device`] with counts if they do not fit.
     fn upload(&mut self, model: &Model, adam: &AdamState) -> Result<()>;
 
+    /// Forgets the photos seen so far, whose numbers may from now on mean others.
+    fn forget_photos(&mut self) {}
+
+    /// Copies model and optimiser state.
+    ///
+    /// # Errors
+    /// [`crate::Error::Device`] if memory or the device fails.
+    fn save(&mut self) -> Result<SavedState>;
+
+    /// Returns to a state that this backend saved, and begins a new statistics window.
+    ///
+    /// # Errors
+    /// [`crate::Error::Usage`] if another backend saved it, [`crate::Error::Device`] if memory or the device fails.
+    fn restore(&mut self, saved: &SavedState) -> Result<()>;
+
     /// Renders the model after the last step. Does not change a bit of later steps.
     ///
     /// # Errors
     /// [`crate::Error::Device`] if memory or the device fails.
     fn render(&mut self, camera: &Camera, options: &RenderOptions) -> Result<RenderedImage>;
+
+    /// Mean squared difference between each view of the model after the last step and its photo, over pixels and channels;
+    /// pixels that the mask leaves out differ by 0. Does not change a bit of later steps.
+    ///
+    /// # Errors
+    /// [`crate::Error::Device`] if memory or the device fails, [`crate::Error::Usage`] if photo and camera differ in size.
+    fn squared_errors(&mut self, views: &[ComparedView<'_>]) -> Result<Vec<f64>> {
+        views.iter().map(|view| comparison::squared_error(self, view)).collect()
+    }
+
+    /// Takes probes of the model after the last step, which is then replaced by the model as it is [`probed`], with moments
+    /// of no use. Returns what losing parts of each splat costs, summed over the probes. `[n]`
+    ///
+    /// # Errors
+    /// Those of the probes; [`crate::Error::Device`] if memory or the device fails.
+    fn probe(&mut self, probes: &mut dyn Iterator<Item = Result<Probe>>) -> Result<Vec<Costs>>;
 
     /// Does a training step: forward, loss, backward, Adam.
     ///

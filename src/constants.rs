@@ -7,6 +7,12 @@ pub const ALPHA_MIN: f64 = 1.0 / 255.0;
 /// Alpha of a sample is clamped to this (3DGS).
 pub const ALPHA_MAX: f64 = 0.99;
 
+/// Opacity logit up to which a splat is probed, so that no alpha is clamped and derivatives tell what the splat adds: opacity 0.985.
+pub const PROBED_LOGIT_MAX: f64 = 4.18;
+
+/// Stored texel value up to which the activation is steep enough for the derivative of a probe: a residual of 0.995.
+pub const PROBED_TEXEL_MAX: f64 = 6.0;
+
 /// A pixel stops *before* the sample that would bring its transmittance below this (3DGS).
 pub const TRANSMITTANCE_MIN: f64 = 1e-4;
 

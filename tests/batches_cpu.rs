@@ -6,12 +6,12 @@ mod common;
 
 use common::training::{MemoryViews, config, damaged, photos, scene};
 use litetex_gs::backend::{
-    Backend, DensityPlan, DeviceInfo, DeviceLimits, RenderOptions, RenderedImage, SceneShape, StepReport,
-    StepRequest, WindowStatistics,
+    Backend, Costs, DensityPlan, DeviceInfo, DeviceLimits, Probe, RenderOptions, RenderedImage, SavedState,
+    SceneShape, StepReport, StepRequest, WindowStatistics,
 };
 use litetex_gs::camera::Camera;
 use litetex_gs::cpu::CpuBackend;
-use litetex_gs::model::{AdamState, LearningRates, Model};
+use litetex_gs::model::{AdamState, Model};
 use litetex_gs::train::{
     Control, NO_SNAPSHOT, Policy, StopReason, TrainConfig, TrainEvent, TrainState, checkpoint, train,
 };
@@ -61,6 +61,15 @@ impl Backend for BatchedBackend {
     fn upload(&mut self, model: &Model, adam: &AdamState) -> Result<()> {
         self.inner.upload(model, adam)
     }
+    fn save(&mut self) -> Result<SavedState> {
+        self.inner.save()
+    }
+    fn restore(&mut self, saved: &SavedState) -> Result<()> {
+        self.inner.restore(saved)
+    }
+    fn probe(&mut self, probes: &mut dyn Iterator<Item = Result<Probe>>) -> Result<Vec<Costs>> {
+        self.inner.probe(probes)
+    }
     fn render(&mut self, camera: &Camera, options: &RenderOptions) -> Result<RenderedImage> {
         self.inner.render(camera, options)
     }
@@ -71,10 +80,7 @@ impl Backend for BatchedBackend {
         self.size
     }
     fn steps(&mut self, requests: &[StepRequest<'_>]) -> Result<Vec<StepReport>> {
-        // Probes move nothing.
-        if requests.iter().any(|request| request.rates != LearningRates::default()) {
-            self.sizes.push(requests.len());
-        }
+        self.sizes.push(requests.len());
         let mut from: Vec<usize> = (0..requests.len()).collect();
         if self.fault == Fault::Swap && from.len() > 1 {
             from.swap(0, 1);

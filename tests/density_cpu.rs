@@ -319,7 +319,7 @@ fn sums(views: &MemoryViews, model: &Model, order: &[usize]) -> WindowStatistics
             .step(&StepRequest {
                 step: 1,
                 camera: *camera,
-                photo: view as u32,
+                photo: Some(view as u32),
                 target,
                 background: [0.0; 3],
                 sh_degree: 1,

@@ -33,7 +33,7 @@ fn a_photo_of_another_size_is_a_usage_error() {
     let request = StepRequest {
         step: 1,
         camera: scene.camera,
-        photo: 0,
+        photo: None,
         target: &target,
         background: [0.0; 3],
         sh_degree: 0,

@@ -33,7 +33,7 @@ fn request<'a>(scene: &'a litetex_gs::selftest::RandomScene, target: &'a TargetI
     StepRequest {
         step: 1,
         camera: scene.camera,
-        photo: 0,
+        photo: None,
         target,
         background: [0.0; 3],
         sh_degree: 0,

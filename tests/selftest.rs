@@ -3,8 +3,8 @@
 
 use litetex_gs::Result;
 use litetex_gs::backend::{
-    Backend, DensityPlan, DeviceInfo, DeviceLimits, RenderOptions, RenderedImage, SceneShape, StepReport,
-    StepRequest, WindowStatistics,
+    Backend, Costs, DensityPlan, DeviceInfo, DeviceLimits, Probe, RenderOptions, RenderedImage, SavedState,
+    SceneShape, StepReport, StepRequest, WindowStatistics,
 };
 use litetex_gs::camera::Camera;
 use litetex_gs::cpu::CpuBackend;
@@ -34,6 +34,15 @@ impl Backend for Broken {
     }
     fn upload(&mut self, model: &Model, adam: &AdamState) -> Result<()> {
         self.0.upload(model, adam)
+    }
+    fn save(&mut self) -> Result<SavedState> {
+        self.0.save()
+    }
+    fn restore(&mut self, saved: &SavedState) -> Result<()> {
+        self.0.restore(saved)
+    }
+    fn probe(&mut self, probes: &mut dyn Iterator<Item = Result<Probe>>) -> Result<Vec<Costs>> {
+        self.0.probe(probes)
     }
     fn render(&mut self, camera: &Camera, options: &RenderOptions) -> Result<RenderedImage> {
         let mut image = self.0.render(camera, options)?;

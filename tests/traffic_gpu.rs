@@ -45,7 +45,7 @@ fn counted(
     let request = |step: u32| StepRequest {
         step,
         camera: cameras[step as usize % cameras.len()],
-        photo: 0,
+        photo: None,
         target: &scene.target,
         background: [0.0; 3],
         sh_degree: 3,

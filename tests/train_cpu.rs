@@ -231,7 +231,7 @@ fn step(backend: &mut CpuBackend, views: &MemoryViews, step: u32) {
     let request = StepRequest {
         step,
         camera: *camera,
-        photo: 1 + step % 5,
+        photo: Some(1 + step % 5),
         target,
         background: [0.0; 3],
         sh_degree: 1,

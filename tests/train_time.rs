@@ -7,8 +7,8 @@ mod common;
 use common::training::{MemoryViews, damaged, photos, scene_options};
 use litetex_gs::Result;
 use litetex_gs::backend::{
-    Backend, DensityPlan, DeviceInfo, DeviceLimits, RenderOptions, RenderedImage, SceneShape, StepReport,
-    StepRequest, WindowStatistics,
+    Backend, Costs, DensityPlan, DeviceInfo, DeviceLimits, Probe, RenderOptions, RenderedImage, SavedState,
+    SceneShape, StepReport, StepRequest, WindowStatistics,
 };
 use litetex_gs::cpu::CpuBackend;
 use litetex_gs::model::{AdamState, Model};
@@ -38,6 +38,19 @@ impl Backend for Timed<'_> {
     }
     fn upload(&mut self, model: &Model, adam: &AdamState) -> Result<()> {
         self.inner.upload(model, adam)
+    }
+    fn save(&mut self) -> Result<SavedState> {
+        self.inner.save()
+    }
+    fn restore(&mut self, saved: &SavedState) -> Result<()> {
+        self.inner.restore(saved)
+    }
+    fn probe(&mut self, probes: &mut dyn Iterator<Item = Result<Probe>>) -> Result<Vec<Costs>> {
+        let Self { inner, secs, step_secs, done } = self;
+        inner.probe(&mut probes.inspect(|_| {
+            *done += 1;
+            secs.set(secs.get() + step_secs(*done));
+        }))
     }
     fn render(
         &mut self,

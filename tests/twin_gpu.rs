@@ -165,7 +165,7 @@ fn a_step_does_not_depend_on_the_loss_terms_of_the_step_before() {
         let request = |k: usize| StepRequest {
             step: k as u32 + 1,
             camera: scene.camera,
-            photo: 0,
+            photo: None,
             target: &scene.target,
             background: BACKGROUND,
             sh_degree: scene.model.splats.sh_degree(),

@@ -65,9 +65,10 @@ struct Step {
     last_rate_texel_growth_limit: f32,
     // Variance of the low-pass filter; 0: none.
     filter_px2: f32,
+    // What the first moments of a probe are multiplied by.
+    probe_scale: f32,
     pad0: u32,
     pad1: u32,
-    pad2: u32,
 }
 
 // Flushed parameters are stored: a training step, not an image.

@@ -9,15 +9,19 @@ use super::tiles::CPU_TILE_PX;
 use super::update::{flush, update};
 use super::view::ViewF32;
 use crate::backend::{
-    Backend, DensityPlan, DeviceInfo, DeviceLimits, RenderOptions, RenderedImage, SceneShape, StepReport,
-    StepRequest, WindowStatistics,
+    Backend, Costs, DensityPlan, Derivatives, DeviceInfo, DeviceLimits, Probe, RenderOptions, RenderedImage,
+    SavedState, SceneShape, StepReport, StepRequest, WindowStatistics, costs_of, probed,
 };
 use crate::camera::{Camera, Similarity};
 use crate::constants::SH_DEGREE_MAX;
 use crate::model::{AdamState, Filter, Model, SplatArrays, SplatGroup, TexturePool};
 use crate::{Error, Result};
 use fearless_simd::Level;
+use rayon::prelude::*;
 use std::time::{Duration, Instant};
+
+/// Splats whose costs a thread sums at a time.
+const SPLATS_PER_TASK: usize = 256;
 
 /// Renders and trains on all cores, without a GPU or driver.
 pub struct CpuBackend {
@@ -176,6 +180,17 @@ impl Backend for CpuBackend {
         Ok(())
     }
 
+    fn save(&mut self) -> Result<SavedState> {
+        Ok(SavedState(Box::new((self.model.clone(), self.adam.clone()))))
+    }
+
+    fn restore(&mut self, saved: &SavedState) -> Result<()> {
+        let Some((model, adam)) = saved.0.downcast_ref::<(Model, AdamState)>() else {
+            return Err(usage!("cpu: another backend saved this state"));
+        };
+        self.upload(model, adam)
+    }
+
     fn render(&mut self, camera: &Camera, options: &RenderOptions) -> Result<RenderedImage> {
         let model = self.take_flushed();
         let Self { level, pool, pipeline, .. } = self;
@@ -188,6 +203,24 @@ impl Backend for CpuBackend {
         });
         self.flushed = Some(model);
         Ok(image)
+    }
+
+    fn probe(&mut self, probes: &mut dyn Iterator<Item = Result<Probe>>) -> Result<Vec<Costs>> {
+        let model = probed(self.take_flushed());
+        self.upload(&model, &AdamState::zeros(&model))?;
+        let mut sums = vec![Costs::default(); model.num_splats()];
+        for probe in probes {
+            let probe = probe?;
+            self.adam = AdamState::zeros(&model);
+            self.step(&probe.request())?;
+            let AdamState { splats_m, texels_m, .. } = &self.adam;
+            let derivatives = Derivatives { splats: splats_m, texels: texels_m, scale: probe.scale() };
+            let each = sums.par_iter_mut().with_min_len(SPLATS_PER_TASK).enumerate();
+            self.pool.install(|| {
+                each.for_each(|(splat, sums)| sums.add(&costs_of(&model, &derivatives, splat)));
+            });
+        }
+        Ok(sums)
     }
 
     fn step(&mut self, request: &StepRequest<'_>) -> Result<StepReport> {

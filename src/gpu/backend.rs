@@ -4,16 +4,18 @@
 
 use super::kernels::Buf;
 use super::layout::Status;
-use super::model_buffers;
+use super::model_buffers::{self, STATE};
+use super::probing;
+use super::saved::Saved;
 use super::state::GpuBackend;
-use super::submission::{check_camera, check_request};
+use super::submission::{Task, check_camera};
 use super::uniform;
 use super::view_buffers::RequiredCapacity;
 use super::{apply_plan, geometry, limits};
 use crate::Result;
 use crate::backend::{
-    Backend, DensityPlan, DeviceInfo, DeviceLimits, RenderOptions, RenderedImage, SceneShape, StepReport,
-    StepRequest, WindowStatistics,
+    Backend, ComparedView, Costs, DensityPlan, DeviceInfo, DeviceLimits, LearningRates, LossWeights, Probe,
+    RenderOptions, RenderedImage, SavedState, SceneShape, StepReport, StepRequest, WindowStatistics,
 };
 use crate::camera::Camera;
 use crate::model::{AdamState, Model};
@@ -30,11 +32,24 @@ impl Backend for GpuBackend {
 
     fn upload(&mut self, model: &Model, adam: &AdamState) -> Result<()> {
         model_buffers::upload(&self.device, &mut self.resources, model, adam)?;
-        // Photo numbers may now mean other photos, and a smaller model may need smaller buffers.
-        self.photos.release(&mut self.resources);
-        self.capacity.release(&mut self.resources);
         self.adopt(model.clone(), adam.clone());
         self.device.check()
+    }
+
+    fn forget_photos(&mut self) {
+        self.photos.release(&mut self.resources);
+    }
+
+    fn save(&mut self) -> Result<SavedState> {
+        self.check()?;
+        Ok(SavedState(Box::new(Saved::of(self)?)))
+    }
+
+    fn restore(&mut self, saved: &SavedState) -> Result<()> {
+        match saved.0.downcast_ref::<Saved>() {
+            Some(saved) => saved.restore(self),
+            None => Err(self.device.error("another backend saved this state")),
+        }
     }
 
     fn render(&mut self, camera: &Camera, options: &RenderOptions) -> Result<RenderedImage> {
@@ -87,34 +102,17 @@ impl Backend for GpuBackend {
     }
 
     fn steps(&mut self, requests: &[StepRequest<'_>]) -> Result<Vec<StepReport>> {
-        self.check()?;
-        requests.iter().try_for_each(check_request)?;
-        if requests.iter().any(|r| r.loss.needs_geometry()) {
-            self.compile_geometry(true)?;
-        }
-        let mut reports = Vec::new();
-        while reports.len() < requests.len() {
-            let rest = &requests[reports.len()..];
-            let rest = &rest[..rest.len().min(self.pace.steps())];
-            let photos: Vec<_> = rest.iter().map(|r| (r.photo, r.target)).collect();
-            let fitting = self.photos.prepare(&self.device, &mut self.resources, &photos)?;
-            let batch = &rest[..fitting];
-            let statistics = batch.iter().any(|r| r.accumulate_statistics);
-            let needs = RequiredCapacity {
-                geometry: batch.iter().any(|r| r.loss.needs_geometry()),
-                ..self.needs(batch.iter().map(|r| r.camera), true, statistics)
-            };
-            self.capacity.ensure(&self.device, &mut self.resources, &needs)?;
-            let statuses = self.submit_steps(batch)?;
-            for (request, (status, stages)) in batch.iter().zip(statuses) {
-                if status.done == 1 {
-                    reports.push(self.report(request, &status, stages));
-                } else {
-                    self.grow_pairs(&status, &needs)?;
-                }
-            }
-        }
-        Ok(reports)
+        self.run(Task::Train, requests)
+    }
+
+    fn squared_errors(&mut self, views: &[ComparedView<'_>]) -> Result<Vec<f64>> {
+        let requests: Vec<StepRequest<'_>> = views.iter().map(comparison).collect();
+        let reports = self.run(Task::Compare, &requests)?;
+        Ok(reports.iter().map(|report| report.loss.mse).collect())
+    }
+
+    fn probe(&mut self, probes: &mut dyn Iterator<Item = Result<Probe>>) -> Result<Vec<Costs>> {
+        probing::probe(self, probes)
     }
 
     fn read_statistics(&mut self) -> Result<WindowStatistics> {
@@ -169,27 +167,33 @@ impl Backend for GpuBackend {
     fn read_flushed(&mut self) -> Result<Model> {
         self.check()?;
         // Flushes a copy: reading must not change what the next steps compute.
-        let lazily_updated =
-            [Buf::SplatP, Buf::SplatM, Buf::SplatV, Buf::TexelP, Buf::TexelM, Buf::TexelV, Buf::SplatInfo];
-        let originals = lazily_updated.map(|name| (name, self.resources.buffer(name).clone()));
-        let mut encoder =
-            self.device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        let mut copies = Vec::new();
-        for (name, original) in &originals {
-            let copy = self.device.buffer("flushed parameters", original.size() / 16, 16)?;
-            encoder.copy_buffer_to_buffer(original, 0, &copy, 0, original.size());
-            copies.push((*name, copy));
-        }
+        let state = STATE.map(|name| (name, self.resources.buffer(name).clone())).to_vec();
+        let copies = model_buffers::copies(&self.device, &state)?;
         // No early return from here on: the originals are restored on every path.
         copies.into_iter().for_each(|(name, copy)| self.resources.set(name, copy));
-        self.device.submit(encoder);
         self.flush_all();
-        let flushed = self.read_back();
-        for (name, original) in originals {
-            self.resources.set(name, original);
-        }
+        let mut model = self.shape.clone();
+        let flushed = model_buffers::read_model(&self.device, &self.resources, &mut model);
+        state.into_iter().for_each(|(name, original)| self.resources.set(name, original));
         // If a command was refused, the copy is not flushed.
         self.device.check()?;
-        Ok(flushed?.0)
+        flushed?;
+        Ok(model)
+    }
+}
+
+/// The step whose mean squared difference compares a view with its photo.
+fn comparison<'a>(view: &ComparedView<'a>) -> StepRequest<'a> {
+    StepRequest {
+        step: 1,
+        camera: view.camera,
+        photo: view.photo,
+        target: view.target,
+        background: view.background,
+        sh_degree: view.sh_degree,
+        loss: LossWeights { mse: 1.0, ..LossWeights::NONE },
+        rates: LearningRates::default(),
+        accumulate_statistics: false,
+        exposure: view.exposure,
     }
 }

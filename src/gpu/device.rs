@@ -48,14 +48,37 @@ pub struct DeviceWork {
     pub submissions: u64,
     /// How often the host waited for the device.
     pub waits: u64,
+    /// Models sent to the device, with the optimiser's state.
+    pub uploads: u64,
+    /// Photos sent to the device.
+    pub photos: u64,
+    /// Bytes read back.
+    pub read_bytes: u64,
 }
 
 /// Counters behind [`DeviceWork`].
 #[derive(Default)]
-struct WorkCounters {
+pub(super) struct WorkCounters {
     dispatches: AtomicU64,
     submissions: AtomicU64,
     waits: AtomicU64,
+    pub(super) uploads: AtomicU64,
+    pub(super) photos: AtomicU64,
+    read_bytes: AtomicU64,
+}
+
+impl WorkCounters {
+    fn so_far(&self) -> DeviceWork {
+        let of = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
+        DeviceWork {
+            dispatches: of(&self.dispatches),
+            submissions: of(&self.submissions),
+            waits: of(&self.waits),
+            uploads: of(&self.uploads),
+            photos: of(&self.photos),
+            read_bytes: of(&self.read_bytes),
+        }
+    }
 }
 
 /// An open device.
@@ -66,7 +89,7 @@ pub struct GpuDevice {
     pub(super) queue: wgpu::Queue,
     pub(super) limits: wgpu::Limits,
     errors: SharedErrors,
-    work: WorkCounters,
+    work: Arc<WorkCounters>,
 }
 
 /// Bytes between entries that are bound at dynamic offsets: a multiple of 256, the largest alignment that a
@@ -116,24 +139,32 @@ impl GpuDevice {
             queue,
             limits: required_limits,
             errors,
-            work: WorkCounters::default(),
+            work: Arc::default(),
         })
     }
 
     /// Work that it was given since it was opened.
     pub fn work(&self) -> DeviceWork {
-        let [dispatches, submissions, waits] =
-            [&self.work.dispatches, &self.work.submissions, &self.work.waits]
-                .map(|n| n.load(Ordering::Relaxed));
-        DeviceWork { dispatches, submissions, waits }
+        self.work.so_far()
+    }
+
+    /// As [`Self::work`], also while something else holds the device.
+    pub fn work_meter(&self) -> impl Fn() -> DeviceWork + use<> {
+        let work = Arc::clone(&self.work);
+        move || work.so_far()
     }
 
     pub(super) fn count_dispatch(&self) {
-        self.work.dispatches.fetch_add(1, Ordering::Relaxed);
+        self.count(|work| &work.dispatches);
+    }
+
+    /// Adds one to a counter.
+    pub(super) fn count(&self, counter: fn(&WorkCounters) -> &AtomicU64) {
+        counter(&self.work).fetch_add(1, Ordering::Relaxed);
     }
 
     pub(super) fn submit(&self, encoder: wgpu::CommandEncoder) {
-        self.work.submissions.fetch_add(1, Ordering::Relaxed);
+        self.count(|work| &work.submissions);
         self.queue.submit([encoder.finish()]);
     }
 
@@ -270,9 +301,10 @@ impl GpuDevice {
             },
             cache: None,
         });
-        // Error scopes form a stack.
-        let refused = scopes.into_iter().rev().filter_map(|scope| pollster::block_on(scope.pop())).next();
-        match refused {
+        // Error scopes form a stack: all are popped, whatever they hold.
+        let refused: Vec<_> =
+            scopes.into_iter().rev().filter_map(|scope| pollster::block_on(scope.pop())).collect();
+        match refused.into_iter().next() {
             Some(error) => Err(self.error(&format!("the driver rejected shader {}: {error}", kernel.name))),
             None => Ok(Pipeline { pipeline, layout }),
         }
@@ -347,19 +379,56 @@ impl GpuDevice {
         values
     }
 
+    /// Reads the first bytes of several buffers with one wait, as floats; also after refused commands, as [`Self::rescue`].
+    ///
+    /// # Errors
+    /// [`Error::Device`] if the device was lost.
+    pub(super) fn rescue_all(&self, buffers: &[(&wgpu::Buffer, u64)]) -> Result<Vec<Vec<f32>>> {
+        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let mut stagings = Vec::new();
+        for &(buffer, bytes) in buffers {
+            // Empty ranges cannot be mapped.
+            let staging = self.staging("read-back", bytes.max(4))?;
+            encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, bytes);
+            stagings.push((staging, bytes));
+        }
+        self.submit(encoder);
+        let outcomes: Vec<_> = stagings.iter().map(|(staging, bytes)| map(staging, *bytes)).collect();
+        self.wait()?;
+        outcomes
+            .iter()
+            .zip(&stagings)
+            .map(|(outcome, (staging, bytes))| self.mapped(outcome, staging, *bytes))
+            .collect()
+    }
+
     fn staged<T: bytemuck::Pod>(&self, staging: &wgpu::Buffer, count: usize) -> Result<Vec<T>> {
         let bytes = (count * size_of::<T>()) as u64;
-        let (sender, receiver) = std::sync::mpsc::channel();
-        staging.map_async(wgpu::MapMode::Read, 0..bytes, move |outcome| {
-            // The receiver is dropped only if polling failed, which is reported below.
-            let _ = sender.send(outcome);
-        });
-        self.work.waits.fetch_add(1, Ordering::Relaxed);
+        let outcome = map(staging, bytes);
+        self.wait()?;
+        self.mapped(&outcome, staging, bytes)
+    }
+
+    /// Waits for all submitted work.
+    fn wait(&self) -> Result<()> {
+        self.count(|work| &work.waits);
         self.device
             .poll(wgpu::PollType::wait_indefinitely())
             .map_err(|e| self.error(&format!("waiting for the device failed: {e}")))?;
-        self.check_alive()?;
-        match receiver.try_recv() {
+        self.check_alive()
+    }
+
+    /// The contents of a staging buffer that [`map`] has mapped.
+    fn mapped<T: bytemuck::Pod>(
+        &self,
+        outcome: &Mapping,
+        staging: &wgpu::Buffer,
+        bytes: u64,
+    ) -> Result<Vec<T>> {
+        if bytes == 0 {
+            return Ok(Vec::new());
+        }
+        match outcome.try_recv() {
             Ok(Ok(())) => {}
             Ok(Err(e)) => return Err(self.error(&format!("reading back failed: {e}"))),
             Err(_) => return Err(self.error("reading back failed: no answer")),
@@ -370,8 +439,24 @@ impl GpuDevice {
         let values = bytemuck::pod_collect_to_vec(&view);
         drop(view);
         staging.unmap();
+        self.work.read_bytes.fetch_add(bytes, Ordering::Relaxed);
         Ok(values)
     }
+}
+
+/// Answers whether a buffer was mapped, once the device was waited for.
+type Mapping = std::sync::mpsc::Receiver<std::result::Result<(), wgpu::BufferAsyncError>>;
+
+/// Asks for the first bytes of a staging buffer.
+fn map(staging: &wgpu::Buffer, bytes: u64) -> Mapping {
+    let (sender, receiver) = std::sync::mpsc::channel();
+    if bytes > 0 {
+        staging.map_async(wgpu::MapMode::Read, 0..bytes, move |outcome| {
+            // The receiver is dropped only if waiting failed, which is reported.
+            let _ = sender.send(outcome);
+        });
+    }
+    receiver
 }
 
 /// Keeps the message unless there is an earlier error of the same kind.

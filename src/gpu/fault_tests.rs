@@ -31,7 +31,7 @@ pub(super) fn request(scene: &RandomScene, step: u32) -> StepRequest<'_> {
     StepRequest {
         step,
         camera: scene.camera,
-        photo: 0,
+        photo: None,
         target: &scene.target,
         background: [0.0; 3],
         sh_degree: 3,

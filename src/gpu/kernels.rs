@@ -51,6 +51,7 @@ pub enum Buf {
     PixelRecords,
     GeometryPartials,
     ExposurePartials,
+    Costs,
 }
 
 impl Buf {
@@ -221,6 +222,14 @@ kernels! {
         write texel_p = TexelP, write texel_m = TexelM, write texel_v = TexelV, write texel_grad = TexelGrad,
         write texel_values = TexelValues, write splat_info = SplatInfo, write bounds = Bounds,
     ] => { AdamTexel [] }
+    "prepare_probes", EachSplat, [
+        write splat_p = SplatP, write splat_m = SplatM, write texel_p = TexelP, write texel_m = TexelM,
+        write splat_info = SplatInfo,
+    ] => { PrepareProbes [] }
+    "probe_costs", EachSplatLater, [
+        read splat_p = SplatP, write splat_m = SplatM, read texel_p = TexelP, write texel_m = TexelM,
+        read splat_info = SplatInfo, write costs = Costs,
+    ] => { ProbeCosts [] }
     "finish_blocks", SplatsLater, [
         read bounds = Bounds, write splat_sums = SplatSums,
     ] => { FinishBlocks [] }

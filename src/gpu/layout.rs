@@ -104,12 +104,12 @@ pub struct StepUniform {
     pub last_rate_texel_growth_limit: f32,
     /// Variance of the low-pass filter; 0: none.
     pub filter_px2: f32,
+    /// What the first moments of a probe are multiplied by.
+    pub probe_scale: f32,
     /// Pads to a multiple of 16 bytes.
     pub pad0: u32,
     /// As `pad0`.
     pub pad1: u32,
-    /// As `pad0`.
-    pub pad2: u32,
 }
 
 /// Sums of a tile-splat pair.

@@ -24,7 +24,9 @@ mod loss_tests;
 mod model_buffers;
 mod pace;
 mod photos;
+mod probing;
 mod resources;
+mod saved;
 mod shader;
 #[cfg(test)]
 mod shader_tests;

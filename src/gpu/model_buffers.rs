@@ -99,6 +99,7 @@ pub(super) fn upload(
     adam: &AdamState,
 ) -> Result<()> {
     check_floats(&model.splats)?;
+    device.count(|work| &work.uploads);
     let mut made = derived(device, model.num_splats(), model.num_texels())?;
     let splats = [(Buf::SplatP, &model.splats), (Buf::SplatM, &adam.splats_m), (Buf::SplatV, &adam.splats_v)];
     for (name, arrays) in splats {
@@ -131,31 +132,70 @@ pub(super) fn derived(device: &GpuDevice, num_splats: usize, num_texels: usize) 
     ])
 }
 
-/// Reads parameters, both moments and the splats' last steps into `model` and `adam`. Works after a failed step too,
-/// unless the device was lost.
+/// Buffers of the model and the optimiser's state; all others follow from them.
+pub(super) const STATE: [Buf; 7] =
+    [Buf::SplatP, Buf::SplatM, Buf::SplatV, Buf::TexelP, Buf::TexelM, Buf::TexelV, Buf::SplatInfo];
+
+/// Copies of buffers, which are complete once the device has done what was submitted.
 ///
 /// # Errors
-/// [`crate::Error::Device`] if the device was lost.
+/// [`Error::Device`] if they cannot be allocated.
+pub(super) fn copies(device: &GpuDevice, buffers: &NewBuffers) -> Result<NewBuffers> {
+    let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    let mut copies = Vec::new();
+    for (name, buffer) in buffers {
+        let copy = device.buffer("copy of the state", buffer.size() / 16, 16)?;
+        encoder.copy_buffer_to_buffer(buffer, 0, &copy, 0, buffer.size());
+        copies.push((*name, copy));
+    }
+    device.submit(encoder);
+    Ok(copies)
+}
+
+/// Reads the parameters into `model`. Works after a failed step too, unless the device was lost.
+///
+/// # Errors
+/// [`Error::Device`] if the device was lost.
+pub(super) fn read_model(device: &GpuDevice, resources: &Resources, model: &mut Model) -> Result<()> {
+    let [splats, texels] = [num_splat_floats(&model.splats), 3 * model.num_texels()];
+    let parts = [(Buf::SplatP, splats), (Buf::TexelP, texels)];
+    let parts = parts.map(|(name, floats)| (resources.buffer(name), 4 * floats as u64));
+    let mut read = device.rescue_all(&parts)?.into_iter();
+    let mut next = || read.next().unwrap_or_default();
+    let degrees = model.splats.sh_degrees().to_vec();
+    model.splats = separated(&next(), &degrees);
+    model.textures.texels = next();
+    Ok(())
+}
+
+/// As [`read_model`], with both moments and the splats' last steps into `adam`.
+///
+/// # Errors
+/// As [`read_model`].
 pub(super) fn read_back(
     device: &GpuDevice,
     resources: &Resources,
     model: &mut Model,
     adam: &mut AdamState,
 ) -> Result<()> {
-    let (n, num_splat_floats) = (model.num_splats(), num_splat_floats(&model.splats));
+    let [splats, texels] = [num_splat_floats(&model.splats), 3 * model.num_texels()];
+    let bytes = [splats, splats, splats, texels, texels, texels].map(|floats| 4 * floats as u64);
+    let infos = (model.num_splats() * size_of::<SplatInfo>()) as u64;
+    let parts: Vec<_> = STATE
+        .iter()
+        .zip(bytes.into_iter().chain([infos]))
+        .map(|(&name, bytes)| (resources.buffer(name), bytes))
+        .collect();
+    let mut read = device.rescue_all(&parts)?.into_iter();
+    let mut next = || read.next().unwrap_or_default();
     let degrees = model.splats.sh_degrees().to_vec();
-    let splats = |name| -> Result<SplatArrays> {
-        let values: Vec<f32> = device.rescue(resources.buffer(name), num_splat_floats)?;
-        Ok(separated(&values, &degrees))
-    };
-    model.splats = splats(Buf::SplatP)?;
-    adam.splats_m = splats(Buf::SplatM)?;
-    adam.splats_v = splats(Buf::SplatV)?;
-    let floats = 3 * model.num_texels();
-    model.textures.texels = device.rescue(resources.buffer(Buf::TexelP), floats)?;
-    adam.texels_m = device.rescue(resources.buffer(Buf::TexelM), floats)?;
-    adam.texels_v = device.rescue(resources.buffer(Buf::TexelV), floats)?;
-    let infos: Vec<SplatInfo> = device.rescue(resources.buffer(Buf::SplatInfo), n)?;
+    for splats in [&mut model.splats, &mut adam.splats_m, &mut adam.splats_v] {
+        *splats = separated(&next(), &degrees);
+    }
+    for texels in [&mut model.textures.texels, &mut adam.texels_m, &mut adam.texels_v] {
+        *texels = next();
+    }
+    let infos: Vec<SplatInfo> = bytemuck::pod_collect_to_vec(&next());
     adam.last_step = infos.iter().map(|i| i.last_step).collect();
     Ok(())
 }

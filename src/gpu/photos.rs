@@ -11,13 +11,26 @@ use crate::image::ALPHA_LEVELS;
 /// Identity of a cached photo: its number and its size, since a photo may be used at several sizes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct PhotoKey {
-    photo: u32,
+    photo: PhotoNumber,
     size_px: [u32; 2],
 }
 
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum PhotoNumber {
+    /// Given by the caller.
+    Known(u32),
+    /// Place in its batch, of a photo that is used once.
+    Once(usize),
+}
+
 impl PhotoKey {
-    fn of((photo, target): &(u32, &TargetImage)) -> Self {
-        Self { photo: *photo, size_px: [target.width_px, target.height_px] }
+    /// Those of a batch.
+    fn all(batch: &[(Option<u32>, &TargetImage)]) -> Vec<Self> {
+        let key = |(place, (photo, target)): (usize, &(Option<u32>, &TargetImage))| Self {
+            photo: photo.map_or(PhotoNumber::Once(place), PhotoNumber::Known),
+            size_px: [target.width_px, target.height_px],
+        };
+        batch.iter().enumerate().map(key).collect()
     }
 
     fn num_px(self) -> u64 {
@@ -72,10 +85,11 @@ impl PhotoPool {
         &mut self,
         device: &GpuDevice,
         resources: &mut Resources,
-        batch: &[(u32, &TargetImage)],
+        batch: &[(Option<u32>, &TargetImage)],
     ) -> Result<usize> {
         let most = device.most_buffer_bytes().min(POOL_MAX_BYTES);
-        let keys: Vec<PhotoKey> = batch.iter().map(PhotoKey::of).collect();
+        self.forget_used();
+        let keys = PhotoKey::all(batch);
         let (fitting, wanted_px) = self.wanted(&keys, most / PIXEL_BYTES);
         if wanted_px > self.capacity_px {
             resources.set(Buf::Photo, device.buffer("photos, pixels", wanted_px, PIXEL_BYTES)?);
@@ -116,14 +130,15 @@ impl PhotoPool {
         &mut self,
         device: &GpuDevice,
         resources: &Resources,
-        batch: &[(u32, &TargetImage)],
+        batch: &[(Option<u32>, &TargetImage)],
     ) -> Result<Vec<u32>> {
-        let keys: Vec<PhotoKey> = batch.iter().map(PhotoKey::of).collect();
+        let keys = PhotoKey::all(batch);
         let slots = self.slots(&keys).ok_or_else(|| {
             device.error("the photos of a batch do not fit into the pool that was allocated for them")
         })?;
         let pool = resources.buffer(Buf::Photo);
         for ((_, target), slot) in batch.iter().zip(&slots).filter(|(_, slot)| slot.is_new) {
+            device.count(|work| &work.photos);
             let words = packed(target);
             device.queue.write_buffer(pool, slot.first_px * PIXEL_BYTES, bytemuck::cast_slice(&words));
         }
@@ -173,6 +188,11 @@ impl PhotoPool {
         None
     }
 
+    /// Forgets the photos that are used once: their numbers mean others in the next batch.
+    fn forget_used(&mut self) {
+        self.resident.retain(|r| matches!(r.key.photo, PhotoNumber::Known(_)));
+    }
+
     fn find(&self, key: PhotoKey) -> Option<&ResidentPhoto> {
         self.resident.iter().find(|r| r.key == key)
     }
@@ -195,7 +215,7 @@ mod tests {
     use rand_pcg::Pcg32;
 
     fn key(photo: u32, width_px: u32) -> PhotoKey {
-        PhotoKey { photo, size_px: [width_px, 1] }
+        PhotoKey { photo: PhotoNumber::Known(photo), size_px: [width_px, 1] }
     }
 
     /// A pool that records which photo each pixel belongs to.
@@ -236,6 +256,20 @@ mod tests {
         assert_eq!(pool.place(&[key(0, 10), key(0, 40)]), 1);
         assert_eq!(pool.place(&[key(2, 60)]), 1);
         assert_eq!(pool.place(&[key(0, 40)]), 1, "it was evicted");
+    }
+
+    #[test]
+    fn photos_that_are_used_once_are_sent_again_and_take_no_room() {
+        let once = |place: usize| PhotoKey { photo: PhotoNumber::Once(place), size_px: [20, 1] };
+        let mut pool = FilledPool::new(100);
+        for _ in 0..3 {
+            pool.pool.forget_used();
+            assert_eq!(pool.pool.wanted(&[key(0, 30), once(1)], 1_000).1, 100, "as at first");
+            let seen = pool.place(&[key(0, 30), once(1), once(2)]);
+            assert!(seen >= 2, "{seen}");
+        }
+        pool.pool.forget_used();
+        assert_eq!(pool.place(&[key(0, 30)]), 0, "the numbered one is still there");
     }
 
     #[test]

@@ -40,6 +40,7 @@ macro_rules! sources {
 pub const SOURCES: &[(&str, &str)] = sources![
     "common/adam",
     "common/bounds",
+    "common/coarser_map",
     "common/exposure",
     "common/filter",
     "common/fixed",
@@ -77,6 +78,8 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "loss_fwd",
     "prefix_blocks",
     "prefix_sums",
+    "prepare_probes",
+    "probe_costs",
     "project",
     "project_bwd",
     "raster_bwd",
@@ -195,6 +198,8 @@ pub fn shared_constants() -> (Named<f64>, Named<u32>) {
         ("LOG_SCALE_MIN", c::LOG_SCALE_RANGE.0),
         ("LOG_SCALE_MAX", c::LOG_SCALE_RANGE.1),
         ("BASE_RGB_MAX", c::BASE_RGB_MAX),
+        ("PROBED_LOGIT_MAX", c::PROBED_LOGIT_MAX),
+        ("PROBED_TEXEL_MAX", c::PROBED_TEXEL_MAX),
         ("FIXED_MAX", FIXED_MAX),
     ];
     let integers = vec![

@@ -17,7 +17,68 @@ use std::time::{Duration, Instant};
 /// Initial pair capacity per splat.
 const PAIRS_PER_SPLAT: u64 = 8;
 
+/// What the requests of a submission are for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Task<'a> {
+    /// Training steps.
+    Train,
+    /// Probes, with the factors of their first moments.
+    Probe(&'a [f32]),
+    /// Comparisons of images and photos: nothing moves.
+    Compare,
+}
+
+impl Task<'_> {
+    /// The task without its first requests.
+    fn from(self, done: usize) -> Self {
+        match self {
+            Self::Probe(scales) => Self::Probe(&scales[done..]),
+            other => other,
+        }
+    }
+
+    /// Whether the clock advances.
+    fn steps(self) -> bool {
+        self != Self::Compare
+    }
+}
+
 impl GpuBackend {
+    /// The uniform of a step, adapted to the task that it is for.
+    fn task_uniform(&self, task: Task<'_>, step: StepUniform, slot: usize) -> StepUniform {
+        match task {
+            Task::Train => step,
+            Task::Probe(scales) => StepUniform { probe_scale: scales[slot], ..step },
+            // As an image: parameters are flushed, but not stored.
+            Task::Compare => StepUniform { step: 0, flags: 0, ..step },
+        }
+    }
+
+    fn task_dispatches(
+        &self,
+        task: Task<'_>,
+        offsets: UniformOffsets,
+        request: &StepRequest<'_>,
+    ) -> Vec<Dispatch> {
+        let geometry = request.loss.needs_geometry();
+        let (statistics, exposure) = (request.accumulate_statistics, request.exposure.is_some());
+        match task {
+            Task::Train => self.step_dispatches(offsets, &request.camera, geometry, statistics, exposure),
+            Task::Probe(_) => {
+                let mut out = self.step_dispatches(offsets, &request.camera, false, false, exposure);
+                // Before the step is marked as applied.
+                out.insert(out.len() - 1, Dispatch::new(KernelId::ProbeCosts, offsets));
+                out
+            }
+            Task::Compare => {
+                let mut out = self.forward(offsets, &request.camera, false);
+                out.extend(exposure.then_some(Dispatch::new(KernelId::ExposureFwd, offsets)));
+                out.extend([KernelId::LossFwd, KernelId::Finish].map(|id| Dispatch::new(id, offsets)));
+                out
+            }
+        }
+    }
+
     /// Dispatches from the projection to the image.
     pub(super) fn forward(&self, offsets: UniformOffsets, camera: &Camera, geometry: bool) -> Vec<Dispatch> {
         let [cols, rows] = uniform::grid(camera, self.tile_rows_px);
@@ -116,14 +177,48 @@ impl GpuBackend {
         self.capacity.ensure(&self.device, &mut self.resources, &RequiredCapacity { pairs, ..*needs })
     }
 
+    /// Runs requests as submissions, which grow the buffers where pairs do not fit. Returns a report for each.
+    pub(super) fn run(&mut self, task: Task<'_>, requests: &[StepRequest<'_>]) -> Result<Vec<StepReport>> {
+        self.check()?;
+        requests.iter().try_for_each(check_request)?;
+        if requests.iter().any(|r| r.loss.needs_geometry()) {
+            self.compile_geometry(true)?;
+        }
+        let mut reports = Vec::new();
+        while reports.len() < requests.len() {
+            let done = reports.len();
+            let rest = &requests[done..];
+            let rest = &rest[..rest.len().min(self.pace.steps())];
+            let photos: Vec<_> = rest.iter().map(|r| (r.photo, r.target)).collect();
+            let fitting = self.photos.prepare(&self.device, &mut self.resources, &photos)?;
+            let batch = &rest[..fitting];
+            let statistics = batch.iter().any(|r| r.accumulate_statistics);
+            let needs = RequiredCapacity {
+                geometry: batch.iter().any(|r| r.loss.needs_geometry()),
+                ..self.needs(batch.iter().map(|r| r.camera), true, statistics)
+            };
+            self.capacity.ensure(&self.device, &mut self.resources, &needs)?;
+            let statuses = self.submit_steps(task.from(done), batch)?;
+            for (request, (status, stages)) in batch.iter().zip(statuses) {
+                if status.done == 1 {
+                    reports.push(self.report(request, &status, stages));
+                } else {
+                    self.grow_pairs(&status, &needs)?;
+                }
+            }
+        }
+        Ok(reports)
+    }
+
     /// Runs steps as one submission. Returns the status and times of the applied steps, and of the first that was
     /// not applied.
     ///
     /// The host encodes a batch only after reading the status of the one before: the trait passes one batch at a
     /// time and expects its reports. To overlap encoding and execution, requests would have to arrive before the
     /// reports of earlier ones are returned.
-    pub(super) fn submit_steps(
+    fn submit_steps(
         &mut self,
+        task: Task<'_>,
         requests: &[StepRequest<'_>],
     ) -> Result<Vec<(Status, KernelTimes)>> {
         let start = Instant::now();
@@ -135,22 +230,23 @@ impl GpuBackend {
         let mut inputs = self.uniform_inputs();
         inputs.pair_capacity = self.capacity.training_pairs as u32;
         for (slot, (request, photo_px)) in requests.iter().zip(photos_px).enumerate() {
-            let flags = if self.counts_atomics(request) { FLAG_COUNT_ATOMICS } else { 0 };
-            let uniform = uniform::step(&inputs, request, photo_px, slot as u32);
-            let offsets = self.set_uniform(slot, &StepUniform { flags: uniform.flags | flags, ..uniform });
-            let geometry = request.loss.needs_geometry();
-            let statistics = request.accumulate_statistics;
-            let exposure = request.exposure.is_some();
-            dispatches.extend(self.step_dispatches(offsets, &request.camera, geometry, statistics, exposure));
+            let uniform =
+                self.task_uniform(task, uniform::step(&inputs, request, photo_px, slot as u32), slot);
+            let counts_atomics = task == Task::Train && self.counts_atomics(request);
+            let flags = uniform.flags | if counts_atomics { FLAG_COUNT_ATOMICS } else { 0 };
+            let offsets = self.set_uniform(slot, &StepUniform { flags, ..uniform });
+            dispatches.extend(self.task_dispatches(task, offsets, request));
             ends.push(dispatches.len());
-            (inputs.flushed_step, inputs.flushed_rates) = (request.step, request.rates);
+            if task.steps() {
+                (inputs.flushed_step, inputs.flushed_rates) = (request.step, request.rates);
+            }
         }
         let pending = |r: &StepRequest<'_>| PendingStep {
             step: r.step,
             rates: r.rates,
             counts_in_window: r.accumulate_statistics,
         };
-        self.in_flight = requests.iter().map(pending).collect();
+        self.in_flight = requests.iter().filter(|_| task.steps()).map(pending).collect();
         let statuses = self.submit_for_status(&dispatches, requests.len())?;
         let applied = self.count_applied(&statuses);
         let times = match &self.timer {
@@ -162,7 +258,7 @@ impl GpuBackend {
             times_by_kernel(&dispatches[range.clone()], times.get(range).unwrap_or_default())
         });
         // The time of a batch that was cut short does not predict that of a whole one.
-        if applied == requests.len() {
+        if task == Task::Train && applied == requests.len() {
             self.pace.learn(applied, start.elapsed().as_secs_f64());
         }
         Ok(statuses.into_iter().zip(stages).take(applied + 1).collect())
@@ -172,10 +268,11 @@ impl GpuBackend {
     pub(super) fn count_applied(&mut self, statuses: &[Status]) -> usize {
         let applied = statuses.iter().take_while(|s| s.done == 1).count();
         let pending = std::mem::take(&mut self.in_flight);
-        if let Some(last) = pending[..applied].last() {
+        let steps = &pending[..applied.min(pending.len())];
+        if let Some(last) = steps.last() {
             (self.clock.step, self.clock.rates) = (last.step, last.rates);
         }
-        self.window_views += pending[..applied].iter().filter(|p| p.counts_in_window).count() as u32;
+        self.window_views += steps.iter().filter(|p| p.counts_in_window).count() as u32;
         applied
     }
 

@@ -1,5 +1,4 @@
-//! Buffers whose size depends on the images and the number of pairs. They only grow, until the next upload of a
-//! model frees them.
+//! Buffers whose size depends on the images and the number of pairs. They only grow.
 
 use super::device::GpuDevice;
 use super::kernels::Buf;
@@ -37,12 +36,6 @@ pub(super) struct RequiredCapacity {
 }
 
 impl Capacity {
-    /// Frees all buffers.
-    pub(super) fn release(&mut self, resources: &mut Resources) {
-        self.bytes.keys().for_each(|&name| resources.remove(name));
-        *self = Self::default();
-    }
-
     /// Pairs that fit in training steps, or in images.
     pub(super) fn pairs_of(&self, training: bool) -> u64 {
         if training { self.training_pairs } else { self.pairs }

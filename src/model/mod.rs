@@ -1,12 +1,14 @@
 //! The model in training: splats as structure of arrays, a jagged pool of texture maps, and the optimiser's
 //! state. Plain data that knows no device and no file.
 
+mod coarsening;
 mod filter;
 mod params;
 mod splats;
 mod texture;
 pub mod tint;
 
+pub use coarsening::Coarsening;
 pub use filter::Filter;
 pub use params::{MAP_PARAMS, ModelSize, TEXEL_PARAMS, splat_params};
 pub use splats::{SplatArrays, SplatGroup};

@@ -57,6 +57,7 @@ pub fn measure(
     let schedule = Schedule::new(config, train.len());
     let model = &opaque(model);
     let longer = f64::from(camera.pinhole.width_px.max(camera.pinhole.height_px));
+    backend.forget_photos();
     backend.upload(model, &AdamState::zeros(model))?;
     let mut step = 0;
     let mut secs_at = |backend: &mut dyn Backend, at: usize, scale: f64| -> Result<_> {
@@ -69,7 +70,7 @@ pub fn measure(
             StepRequest {
                 step,
                 camera,
-                photo: at as u32,
+                photo: Some(at as u32),
                 target: &target,
                 background: config.background,
                 sh_degree: config.sh_degree,

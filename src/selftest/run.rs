@@ -141,7 +141,7 @@ fn request<'a>(scene: &'a RandomScene, step: u32, loss: &LossWeights) -> StepReq
     StepRequest {
         step,
         camera: scene.camera,
-        photo: 0,
+        photo: None,
         target: &scene.target,
         background: BACKGROUND,
         sh_degree: scene.model.splats.sh_degree(),

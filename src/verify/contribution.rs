@@ -27,12 +27,12 @@ impl Contribution {
         let model = model_from_asset(asset);
         backend.upload(&model, &AdamState::zeros(&model))?;
         let mut all = Self { weight_px: vec![0.0; model.num_splats()] };
-        for (photo, view) in views.iter().enumerate() {
+        for view in views {
             if !go_on() {
                 return Err(Error::Interrupted);
             }
             backend.set_statistics(&WindowStatistics::empty(model.num_splats()))?;
-            step_without_learning(backend, asset, view, photo as u32)?;
+            step_without_learning(backend, asset, view)?;
             all.add(&backend.read_statistics()?, num_pixels(view) as f32);
         }
         Ok(all)
@@ -47,17 +47,12 @@ impl Contribution {
 }
 
 /// Backends accumulate statistics in training steps only; with learning rates of zero nothing moves.
-fn step_without_learning(
-    backend: &mut dyn Backend,
-    asset: &SplatAsset,
-    view: &AssetCamera,
-    photo: u32,
-) -> Result<()> {
+fn step_without_learning(backend: &mut dyn Backend, asset: &SplatAsset, view: &AssetCamera) -> Result<()> {
     let target = TargetImage::opaque(view.width_px, view.height_px, vec![0; 3 * num_pixels(view)]);
     backend.step(&StepRequest {
         step: 1,
         camera: camera(view),
-        photo,
+        photo: None,
         target: &target,
         background: asset.background,
         sh_degree: asset.sh_degree,

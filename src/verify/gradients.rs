@@ -62,7 +62,7 @@ pub(super) fn gradients(
     let report = backend.step(&StepRequest {
         step: 1,
         camera: camera(loss.view),
-        photo: 0,
+        photo: None,
         target: loss.target,
         background: loss.background,
         sh_degree: model.splats.sh_degree(),

@@ -69,7 +69,7 @@ impl Views {
             let request = StepRequest {
                 step,
                 camera: *camera,
-                photo: (7 * step) % self.0.len() as u32,
+                photo: Some((7 * step) % self.0.len() as u32),
                 target,
                 background: [GREY; 3],
                 sh_degree: start.splats.sh_degree(),

@@ -33,7 +33,7 @@ fn survives(backend: &mut dyn Backend, scene: &RandomScene, name: &str) -> f64 {
             .step(&StepRequest {
                 step,
                 camera: scene.camera,
-                photo: 0,
+                photo: None,
                 target: &scene.target,
                 background: options.background,
                 sh_degree: scene.model.splats.sh_degree(),

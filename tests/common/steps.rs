@@ -59,7 +59,7 @@ pub fn requests(
         StepRequest {
             step,
             camera: views[view].0,
-            photo: view as u32,
+            photo: Some(view as u32),
             target: &views[view].1,
             background: [0.1, 0.2, 0.3],
             sh_degree: (step / 8).min(3),

@@ -59,7 +59,7 @@ pub fn observe(backend: &mut dyn Backend, scene: &RandomScene, weights: &LossWei
     let request = StepRequest {
         step: 1,
         camera: scene.camera,
-        photo: 0,
+        photo: None,
         target: &scene.target,
         background: BACKGROUND,
         sh_degree,

@@ -135,7 +135,7 @@ mod with_gpu {
             StepRequest {
                 step,
                 camera: *camera,
-                photo: photo as u32,
+                photo: Some(photo as u32),
                 target,
                 background: scene.background,
                 sh_degree: scene.model.splats.sh_degree(),

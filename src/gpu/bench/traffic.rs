@@ -193,7 +193,9 @@ pub(super) fn traffic(kernel: KernelId, c: &TrafficCounts) -> Vec<(TrafficItem, 
         | K::GatherSplats
         | K::EditSplats
         | K::RegridMaps
-        | K::ResampleMaps => Vec::new(),
+        | K::ResampleMaps
+        | K::PrepareProbes
+        | K::ProbeCosts => Vec::new(),
     }
 }
 

@@ -106,9 +106,9 @@ pub(super) fn mirrors() -> Vec<Mirror> {
                 last_rate_texel_growth,
                 last_rate_texel_growth_limit,
                 filter_px2,
+                probe_scale,
                 pad0,
                 pad1,
-                pad2,
             }
         ),
         mirror!("SortPass", SortPass { shift, counts_pairs, identity_values, pad }),

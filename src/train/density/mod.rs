@@ -22,7 +22,7 @@ pub use geometry::{
 };
 pub use history::SplatHistory;
 pub use need::Growth;
-pub use ops::coarse::Coarsening;
+pub use ops::coarse::coarsened;
 pub use ops::regrid::{cropped as cropped_map, window as map_window};
 pub use policy::{FirstMap, Policy, PolicySpec, Rule, policies};
 pub use rule::{RuleSpec, SplitShare};

@@ -4,8 +4,7 @@ use super::accept::{accept, planned};
 use super::offers::{KINDS, Offers, Thresholds};
 use super::round::{Pruned, RAISES, Round, TrainingViews, db};
 use crate::Result;
-use crate::backend::{Backend, DensityPlan};
-use crate::model::{AdamState, Model};
+use crate::backend::{Backend, DensityPlan, SavedState};
 
 /// Attempts for each kind of offer, each at half the threshold of the one before; a raised threshold is followed by one that is
 /// not.
@@ -45,11 +44,11 @@ impl Round {
         &self,
         backend: &mut dyn Backend,
         training: &mut TrainingViews<'_>,
-        (model, adam): &(Model, AdamState),
+        before: &SavedState,
         cut: &Cut<'_>,
     ) -> Result<Option<(Pruned, Option<DensityPlan>)>> {
         let Cut { offers, may_go, threshold, checked, error, more, slack } = *cut;
-        backend.upload(model, adam)?;
+        backend.restore(before)?;
         let params = offers.model().num_params();
         let error_of_more = if more.is_empty() { 0.0 } else { self.error(backend, training, more)? };
         let mut start = threshold;
@@ -67,7 +66,7 @@ impl Round {
             for kind in 0..KINDS {
                 let halved = (0..ATTEMPTS).map(|halvings| start / 2.0_f64.powi(halvings));
                 for tried in halved.chain((start > threshold).then_some(threshold)) {
-                    backend.upload(model, adam)?;
+                    backend.restore(before)?;
                     let only = Thresholds::all(tried).only(kind);
                     if self.attempt(backend, training, cut, &only, slack / KINDS as f64)?.is_cheap {
                         thresholds = thresholds.with(kind, tried);
@@ -75,7 +74,7 @@ impl Round {
                     }
                 }
             }
-            backend.upload(model, adam)?;
+            backend.restore(before)?;
             attempt = self.attempt(backend, training, cut, &thresholds, slack)?;
         }
         let Attempt { mut outcome, plan, rise, mut is_cheap } = attempt;
@@ -92,7 +91,7 @@ impl Round {
         if is_cheap || self.is_bounded() {
             return Ok(Some((outcome, Some(plan))));
         }
-        backend.upload(model, adam)?;
+        backend.restore(before)?;
         (outcome.splats, outcome.degrees, outcome.maps) = (0, 0, 0);
         (outcome.params, outcome.texels) = (params, offers.model().num_texels());
         Ok(Some((outcome, None)))

@@ -4,10 +4,8 @@
 mod accept;
 mod costs;
 mod cut;
-mod error;
 mod merge;
 mod offers;
-mod probe;
 mod round;
 mod run;
 #[cfg(test)]

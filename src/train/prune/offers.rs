@@ -1,12 +1,11 @@
 //! What each splat could do without, and what that would cost.
 
-use super::costs::{AXES, Costs, SplatCosts, costs_of, depths};
-use crate::backend::{Grid, MapChange};
+use super::costs::SplatCosts;
+use crate::backend::{AXES, Costs, Grid, MapChange, depths};
 use crate::constants::sh_coefficients;
-use crate::model::{AdamState, Model, ModelSize};
+use crate::model::{Coarsening, Model, ModelSize};
 use crate::train::charge::Charge;
-use crate::train::density::{Coarsening, cropped_map, map_window};
-use rayon::prelude::*;
+use crate::train::density::{coarsened, cropped_map, map_window};
 
 /// Probes that must have seen a splat before it may lose anything, unless all views are probed.
 const SEEN_MIN: u32 = 4;
@@ -71,25 +70,21 @@ pub struct Offers<'a> {
 }
 
 impl<'a> Offers<'a> {
-    /// Offers of unknown cost. With a sample of the views, nothing is known of splats that hardly any of them sees. A policy
-    /// that fixes the sizes of maps keeps them.
-    pub fn new(model: &'a Model, is_sample: bool, keeps_maps: bool) -> Self {
+    /// Offers of a model as it was probed, with their costs summed over so many probes. With a sample of the views, nothing is
+    /// known of splats that hardly any of them sees. A policy that fixes the sizes of maps keeps them.
+    pub fn new(
+        model: &'a Model,
+        (costs, probes): (Vec<Costs>, u32),
+        is_sample: bool,
+        keeps_maps: bool,
+    ) -> Self {
         let seen_min = if is_sample { SEEN_MIN } else { 0 };
-        let costs = vec![Costs::default(); model.num_splats()];
-        Self { model, costs, probes: 0, seen_min, keeps_maps, charge: Charge::PARAMS }
+        Self { model, costs, probes, seen_min, keeps_maps, charge: Charge::PARAMS }
     }
 
     /// These, charged for something else than parameters.
     pub fn with_charge(self, charge: Charge) -> Self {
         Self { charge, ..self }
-    }
-
-    /// Adds the derivatives of a probe.
-    pub fn observe(&mut self, derivatives: &AdamState) {
-        let model = self.model;
-        let each = self.costs.par_iter_mut().with_min_len(256).enumerate();
-        each.for_each(|(splat, costs)| costs.add(&costs_of(model, derivatives, splat)));
-        self.probes += 1;
     }
 
     /// The model as it was probed.
@@ -172,7 +167,7 @@ impl<'a> Offers<'a> {
         let coarser = AXES.into_iter().zip(costs.coarser).filter_map(|(axes, cost)| {
             let coarser = Coarsening::new(map, axes)?;
             (coarser.num_texels() < map.num_texels())
-                .then(|| self.map_offer(splat, coarser.change(map), cost))
+                .then(|| self.map_offer(splat, coarsened(map, &coarser), cost))
         });
         let mut offers = vec![self.map_offer(splat, none, costs.map)];
         offers.extend(coarser);

@@ -1,9 +1,7 @@
 //! A round of pruning: what it aims at, what it did, and the error that it watches.
 
-use super::error::mean_squared_error;
-use super::probe::ProbeView;
 use crate::Result;
-use crate::backend::{Backend, ColourMap, LearningRates, LossWeights, TargetImage};
+use crate::backend::{Backend, ComparedView, LearningRates, LossWeights, TargetImage};
 use crate::train::charge::Charge;
 use crate::train::config::TrainConfig;
 use crate::train::density::MapRule;
@@ -178,16 +176,7 @@ impl Round {
         (error + self.floor) * (10.0_f64.powf(self.prune_db / 10.0) - 1.0) / (THRESHOLD_SHARE * params as f64)
     }
 
-    pub fn view<'p>(
-        &self,
-        training: &TrainingViews<'_>,
-        view: usize,
-        photo: &'p TargetImage,
-    ) -> ProbeView<'p> {
-        let camera = training.targets.camera(training.views, view);
-        ProbeView { camera, photo, background: self.background, sh_degree: self.sh_degree }
-    }
-
+    /// Mean squared error of views, with the exposures of their photos.
     pub fn error(
         &self,
         backend: &mut dyn Backend,
@@ -196,13 +185,17 @@ impl Round {
     ) -> Result<f64> {
         let photos: Vec<Arc<TargetImage>> =
             views.iter().map(|&view| training.targets.get(training.views, view)).collect::<Result<_>>()?;
-        let exposure = |view: usize| -> Option<ColourMap> { training.exposures.of(view) };
-        let views: Vec<_> = views
-            .iter()
-            .zip(&photos)
-            .map(|(&view, photo)| (self.view(training, view, photo), exposure(view)))
-            .collect();
-        mean_squared_error(backend, &views)
+        let compared = |(&view, target)| ComparedView {
+            camera: training.targets.camera(training.views, view),
+            photo: Some(training.targets.photo(view)),
+            target,
+            background: self.background,
+            sh_degree: self.sh_degree,
+            exposure: training.exposures.of(view),
+        };
+        let compared: Vec<ComparedView<'_>> =
+            views.iter().zip(photos.iter().map(Arc::as_ref)).map(compared).collect();
+        Ok(backend.squared_errors(&compared)?.iter().sum::<f64>() / views.len().max(1) as f64)
     }
 }
 

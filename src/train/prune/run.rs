@@ -4,12 +4,11 @@ use super::accept::{Excess, threshold_for};
 use super::costs::SplatCosts;
 use super::cut::Cut;
 use super::offers::Offers;
-use super::probe::{ProbeView, probe, probed};
 use super::round::{Pruned, Round, TrainingViews, db};
 use crate::Result;
-use crate::backend::Backend;
+use crate::backend::{Backend, Probe, SavedState, probed};
 use crate::camera::Camera;
-use crate::model::{AdamState, Model};
+use crate::model::Model;
 use crate::train::density::SplatHistory;
 use crate::train::schedule::MOST_PROBES;
 use rand::seq::SliceRandom as _;
@@ -41,13 +40,13 @@ impl Round {
         training: &mut TrainingViews<'_>,
         histories: &mut Vec<SplatHistory>,
     ) -> Result<Option<Pruned>> {
-        let before = backend.read_back()?;
+        let before = backend.save()?;
         let mut after = histories.clone();
         let outcome = self.run_from(backend, training, &before, &mut after);
         match outcome {
             Ok(_) => *histories = after,
             // Only the first error is reported.
-            Err(_) => drop(backend.upload(&before.0, &before.1)),
+            Err(_) => drop(backend.restore(&before)),
         }
         outcome
     }
@@ -56,7 +55,7 @@ impl Round {
         &self,
         backend: &mut dyn Backend,
         training: &mut TrainingViews<'_>,
-        before: &(Model, AdamState),
+        before: &SavedState,
         histories: &mut Vec<SplatHistory>,
     ) -> Result<Option<Pruned>> {
         let mut rng = Pcg64Mcg::seed_from_u64(self.seed);
@@ -126,16 +125,16 @@ impl Round {
         order: &[usize],
         rng: &mut Pcg64Mcg,
     ) -> Result<Offers<'m>> {
-        let offers = Offers::new(probed, order.len() > MOST_PROBES, self.keeps_maps);
-        let mut offers = offers.with_charge(self.charge());
-        for &view in order.iter().take(MOST_PROBES) {
+        let views = &order[..order.len().min(MOST_PROBES)];
+        let mut probes = views.iter().map(|&view| -> Result<Probe> {
             let photo = training.targets.get(training.views, view)?;
-            let view = self.view(training, view, &photo);
-            let view = ProbeView { camera: smaller(&view.camera), ..view };
-            let derivatives = probe(backend, probed, &view, rng.random())?;
-            offers.observe(&derivatives);
-        }
-        Ok(offers)
+            let camera = smaller(&training.targets.camera(training.views, view));
+            Ok(Probe::new(camera, &photo, self.background, self.sh_degree, rng.random()))
+        });
+        let costs = backend.probe(&mut probes)?;
+        let is_sample = views.len() < order.len();
+        let offers = Offers::new(probed, (costs, views.len() as u32), is_sample, self.keeps_maps);
+        Ok(offers.with_charge(self.charge()))
     }
 }
 

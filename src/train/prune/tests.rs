@@ -2,16 +2,15 @@
 
 use super::accept::{Excess, accept, planned, threshold_for};
 use super::offers::{Accepted, Offers, Thresholds};
-use super::probe::{BETWEEN, ProbeView, probe_through, probed};
 use super::round::trial_steps;
-use crate::backend::{Backend as _, ColourMap, MapChange, RenderOptions};
+use crate::backend::{BETWEEN, Backend as _, ColourMap, Costs, MapChange, Probe, RenderOptions, probed};
 use crate::cpu::CpuBackend;
 use crate::model::{AdamState, Model, TextureMap};
 use crate::selftest::{RandomScene, SceneOptions, random_scene};
 use crate::train::charge::Charge;
 use crate::train::density::cropped_map;
 
-const PROBES: u64 = 300;
+const PROBES: u32 = 300;
 
 /// A scene whose splats have this coefficient of SH degree 0 in all channels.
 fn scene(dc: f32) -> RandomScene {
@@ -40,13 +39,11 @@ fn render(backend: &mut CpuBackend, scene: &RandomScene) -> Vec<f32> {
 
 /// The offers of a scene's model, after all probes through this exposure.
 fn probed_offers<'a>(scene: &'a RandomScene, backend: &mut CpuBackend, exposure: &ColourMap) -> Offers<'a> {
-    let mut offers = Offers::new(&scene.model, false, false);
-    let view = ProbeView { camera: scene.camera, photo: &scene.target, background: [0.2; 3], sh_degree: 3 };
-    for seed in 0..PROBES {
-        let derivatives = probe_through(exposure, backend, &scene.model, &view, seed);
-        offers.observe(&derivatives.expect("derivatives"));
-    }
-    offers
+    backend.upload(&scene.model, &AdamState::zeros(&scene.model)).expect("room");
+    let probe = |seed| Probe::new(scene.camera, &scene.target, [0.2; 3], 3, seed);
+    let mut probes = (0..PROBES).map(|seed| Ok(Probe { exposure: *exposure, ..probe(seed.into()) }));
+    let costs = backend.probe(&mut probes).expect("costs");
+    Offers::new(&scene.model, (costs, PROBES), false, false)
 }
 
 /// Parameters saved and mean squared change of the image if these offers are taken; and what is predicted.
@@ -71,8 +68,8 @@ fn images_change_as_predicted() {
     let none = vec![false; 40];
     // Maps of a fixed size are not on offer; at this threshold all others go.
     let has_changed_map = |keeps_maps: bool| {
-        let mut offers = Offers::new(&scene.model, false, keeps_maps);
-        offers.observe(&AdamState::zeros(&scene.model));
+        let nothing = vec![Costs::default(); 40];
+        let offers = Offers::new(&scene.model, (nothing, 1), false, keeps_maps);
         let accepted = accept(&offers, &none, &Thresholds::all(1.0));
         accepted.iter().flatten().any(|o| o.kept.is_some_and(|kept| kept.map != MapChange::Keep))
     };

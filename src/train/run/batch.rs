@@ -71,7 +71,7 @@ impl Trainer<'_> {
         StepRequest {
             step,
             camera: self.targets.camera(self.views, planned.view),
-            photo: self.targets.photo(planned.view),
+            photo: Some(self.targets.photo(planned.view)),
             target: &planned.target,
             background: background_of(self.config, step),
             sh_degree: self.schedule.sh_degree(step, self.config.sh_degree),

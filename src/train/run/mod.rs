@@ -78,6 +78,7 @@ pub fn train_by<'a>(
     let clock = Clock::start(timing);
     window::begin(config, views.num_views(), &mut start);
     let limits = check_limits(config, backend, views, &start.model)?;
+    backend.forget_photos();
     backend.upload(&start.model, &start.adam)?;
     if !start.window.seen.is_empty() {
         backend.set_statistics(&start.window)?;

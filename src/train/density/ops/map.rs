@@ -1,10 +1,10 @@
 //! Sizes of texture maps: crop and pad them to their support, coarsen those that do not need their texels, refine
 //! those of high-error splats (method 6.4, 6.5 and 6.7). Texels keep their place on the surfel throughout.
 
-use super::coarse::{Coarsening, coarsening_error, detail, residual};
+use super::coarse::{coarsened, coarsening_error, detail, residual};
 use super::regrid::{centred, cropped, merged_moments, surplus};
 use crate::backend::{Grid, MapChange};
-use crate::model::TextureMap;
+use crate::model::{Coarsening, TextureMap};
 use crate::train::density::geometry::{even_texels, first_texel_size};
 use crate::train::density::plan::PlannedSplat;
 use crate::train::density::situation::{DensityCounts, Situation};
@@ -94,7 +94,7 @@ pub fn fit(
         return;
     }
     planned.change = match Coarsening::new(map, is_coarser) {
-        Some(coarser) if is_coarser.contains(&true) => coarser.change(map),
+        Some(coarser) if is_coarser.contains(&true) => coarsened(map, &coarser),
         _ => cropped(map, surplus(map, needed)),
     };
     planned.texels = planned.change.applied_to(map).num_texels();

@@ -1,14 +1,13 @@
 //! Merges of splats in a plane, against what they do to the image.
 
 use super::{Merging, Parts};
-use crate::backend::{Backend as _, RenderOptions};
+use crate::backend::{Backend as _, Probe, RenderOptions, probed};
 use crate::cpu::CpuBackend;
 use crate::knn::tests::COMPARED;
 use crate::model::{AdamState, Model, TextureMap, TexturePool};
 use crate::selftest::{RandomScene, SceneOptions, random_scene};
 use crate::train::prune::costs::SplatCosts;
 use crate::train::prune::offers::Offers;
-use crate::train::prune::probe::{ProbeView, probe, probed};
 use crate::train::prune::round::Limits;
 use glam::{DQuat, DVec2, DVec3};
 
@@ -56,11 +55,10 @@ fn wall(slope: f32, tilt: f64) -> RandomScene {
 fn costs(scene: &RandomScene) -> Vec<Option<SplatCosts>> {
     let mut backend = CpuBackend::new(Some(2)).expect("a backend");
     let model = probed(scene.model.clone());
-    let mut offers = Offers::new(&model, false, false);
-    let view = ProbeView { camera: scene.camera, photo: &scene.target, background: [0.2; 3], sh_degree: 1 };
-    for seed in 0..100 {
-        offers.observe(&probe(&mut backend, &model, &view, seed).expect("derivatives"));
-    }
+    backend.upload(&model, &AdamState::zeros(&model)).expect("room");
+    let mut probes = (0..100).map(|seed| Ok(Probe::new(scene.camera, &scene.target, [0.2; 3], 1, seed)));
+    let costs = backend.probe(&mut probes).expect("costs");
+    let offers = Offers::new(&model, (costs, 100), false, false);
     (0..model.num_splats()).map(|splat| offers.costs(splat)).collect()
 }
 

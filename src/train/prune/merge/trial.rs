@@ -2,11 +2,12 @@
 
 use super::{Merging, Parts};
 use crate::Result;
-use crate::backend::{Backend, StepRequest};
+use crate::backend::{Backend, StepRequest, TargetImage};
 use crate::model::TextureMap;
 use crate::train::density::{SplatHistory, pixel_sizes};
 use crate::train::prune::costs::SplatCosts;
 use crate::train::prune::round::{RAISES, Round, TRIALS, TrainingViews, Trial};
+use std::sync::Arc;
 
 /// Merges that were kept.
 pub struct Kept {
@@ -55,13 +56,14 @@ impl Round {
         threshold: f64,
         costs: &[Option<SplatCosts>],
     ) -> Result<Option<Kept>> {
-        let (stored, adam) = backend.read_back()?;
+        let before = backend.save()?;
         // Merged splats take flushed values, all others keep theirs.
         let model = backend.read_flushed()?;
         let cameras: Vec<_> = order.iter().map(|&view| training.views.camera(view)).collect();
         let parts = Parts::of(&model, costs, &pixel_sizes(&model, &cameras), trial.limits);
         let slack = self.good_enough() - self.error(backend, training, checked)?;
-        let mut without = None;
+        // The state, and its error after training without merges, read and measured if any are tried.
+        let mut unmerged = None;
         let mut tried = Vec::new();
         for raise in RAISES {
             if tried.len() == TRIALS {
@@ -76,19 +78,22 @@ impl Round {
                 continue;
             }
             tried.push(merged.params());
-            let without = match without {
-                Some(error) => error,
+            let (stored, adam, without) = match &unmerged {
+                Some(unmerged) => unmerged,
                 None => {
+                    let (stored, adam) = backend.read_back()?;
                     self.train(backend, training, trial, order, adam.step)?;
-                    *without.insert(self.error(backend, training, checked)?)
+                    let without = self.error(backend, training, checked)?;
+                    unmerged.insert((stored, adam, without))
                 }
             };
-            let Merging { model, adam, sources, is_merged } = merged.build(&stored, &adam)?;
+            let Merging { model, adam, sources, is_merged } = merged.build(stored, adam)?;
             backend.upload(&model, &adam)?;
+            let start = backend.save()?;
             self.train(backend, training, trial, order, adam.step)?;
             let error = self.error(backend, training, checked)?;
             if error <= (without + allowed).max(self.good_enough()) {
-                backend.upload(&model, &adam)?;
+                backend.restore(&start)?;
                 let side =
                     |(map, &is_merged): (&TextureMap, &bool)| is_merged.then(|| map.rows.max(map.cols));
                 let sides = model.textures.maps.iter().zip(&is_merged).map(side).collect();
@@ -97,7 +102,7 @@ impl Round {
                 return Ok(Some(Kept { sources, sides, params, texels, predicted, measured }));
             }
         }
-        backend.upload(&stored, &adam)?;
+        backend.restore(&before)?;
         Ok(None)
     }
 
@@ -110,20 +115,28 @@ impl Round {
         order: &[usize],
         done: u32,
     ) -> Result<()> {
-        for (step, &view) in (done + 1..=done + trial.steps).zip(order.iter().cycle()) {
-            let target = training.targets.get(training.views, view)?;
-            backend.steps(&[StepRequest {
+        let steps: Vec<(u32, usize)> =
+            (done + 1..=done + trial.steps).zip(order.iter().copied().cycle()).collect();
+        for batch in steps.chunks(backend.batch_steps().max(1)) {
+            let photos: Vec<Arc<TargetImage>> = batch
+                .iter()
+                .map(|&(_, view)| training.targets.get(training.views, view))
+                .collect::<Result<_>>()?;
+            let request = |(&(step, view), target)| StepRequest {
                 step,
                 camera: training.targets.camera(training.views, view),
-                photo: training.targets.photo(view),
-                target: &target,
+                photo: Some(training.targets.photo(view)),
+                target,
                 background: self.background,
                 sh_degree: self.sh_degree,
                 loss: trial.loss,
                 rates: trial.rates,
                 accumulate_statistics: false,
                 exposure: training.exposures.of(view),
-            }])?;
+            };
+            let requests: Vec<StepRequest<'_>> =
+                batch.iter().zip(photos.iter().map(Arc::as_ref)).map(request).collect();
+            backend.steps(&requests)?;
         }
         Ok(())
     }

@@ -1,0 +1,86 @@
+//! Probes, whose costs are summed on the device.
+
+use super::encode::Dispatch;
+use super::kernels::{Buf, KernelId};
+use super::layout::FLAG_PERSIST;
+use super::state::{GpuBackend, tile_flags};
+use super::submission::Task;
+use super::uniform;
+use crate::Result;
+use crate::backend::{Backend as _, Costs, Probe, StepRequest};
+use crate::model::AdamState;
+
+/// Kernels that only probes need.
+const KERNELS: [KernelId; 2] = [KernelId::PrepareProbes, KernelId::ProbeCosts];
+
+/// Floats of the costs of a splat, in the order of `shaders/probe_costs.wgsl`.
+const COSTS: usize = 22;
+
+/// Takes probes, as many at a time as steps.
+///
+/// # Errors
+/// Those of the probes, and of the device.
+pub(super) fn probe(
+    backend: &mut GpuBackend,
+    probes: &mut dyn Iterator<Item = Result<Probe>>,
+) -> Result<Vec<Costs>> {
+    backend.check()?;
+    prepare(backend)?;
+    let n = backend.shape.num_splats();
+    let costs = backend.device.buffer("costs of probes", (n * COSTS) as u64, 4)?;
+    backend.resources.set(Buf::Costs, costs);
+    let outcome = run(backend, probes, n);
+    backend.resources.remove(Buf::Costs);
+    outcome
+}
+
+fn run(
+    backend: &mut GpuBackend,
+    probes: &mut dyn Iterator<Item = Result<Probe>>,
+    n: usize,
+) -> Result<Vec<Costs>> {
+    loop {
+        let batch: Vec<Probe> = probes.take(backend.batch_steps()).collect::<Result<_>>()?;
+        if batch.is_empty() {
+            break;
+        }
+        let scales: Vec<f32> = batch.iter().map(Probe::scale).collect();
+        let requests: Vec<StepRequest<'_>> = batch.iter().map(Probe::request).collect();
+        backend.run(Task::Probe(&scales), &requests)?;
+    }
+    let costs: Vec<[f32; COSTS]> = backend.device.read(backend.resources.buffer(Buf::Costs), n)?;
+    Ok(costs.iter().map(unpacked).collect())
+}
+
+/// Replaces the model by the one that is probed, with moments of zero.
+fn prepare(backend: &mut GpuBackend) -> Result<()> {
+    let mut missing = KERNELS.to_vec();
+    missing.retain(|id| !backend.pipelines.contains_key(id));
+    let compiled = backend.device.pipelines(&missing, tile_flags(backend.tile_rows_px))?;
+    backend.pipelines.extend(compiled);
+    backend.flush_all();
+    backend.arm();
+    let uniform = uniform::without_view(&backend.uniform_inputs(), FLAG_PERSIST);
+    let offsets = backend.set_uniform(0, &uniform);
+    backend.submit(&[Dispatch::new(KernelId::PrepareProbes, offsets)]);
+    let shape = backend.shape.clone();
+    let clock = AdamState::zeros(&shape);
+    backend.adopt(shape, clock);
+    backend.device.check()
+}
+
+fn unpacked(floats: &[f32; COSTS]) -> Costs {
+    let [seen, removal, colour, degree_0, degree_1, degree_2, map, both, rows, cols, crops @ ..] =
+        floats.map(f64::from);
+    let crop = |axis: usize, end: usize, depth: usize| crops[6 * axis + 3 * end + depth];
+    let side = |axis: usize, end: usize| [0, 1, 2].map(|depth| crop(axis, end, depth));
+    Costs {
+        seen: seen as u32,
+        removal,
+        colour,
+        degrees: [degree_0, degree_1, degree_2],
+        map,
+        coarser: [both, rows, cols],
+        crops: [0, 1].map(|axis| [0, 1].map(|end| side(axis, end))),
+    }
+}

@@ -1,0 +1,202 @@
+//! What rounds of pruning ask of a GPU: costs, errors and saved states as on the CPU, and little that the host waits for.
+#![cfg(feature = "gpu")]
+#![allow(clippy::unwrap_used, reason = "a failing test may panic")]
+
+mod common;
+
+use common::gpu::{backend, backends};
+use common::steps::{requests, views};
+use common::training::{config, damaged, photos, scene};
+use litetex_gs::backend::{Backend, ColourMap, ComparedView, Costs, Probe};
+use litetex_gs::cpu::CpuBackend;
+use litetex_gs::gpu::{DeviceWork, GpuOptions};
+use litetex_gs::model::AdamState;
+use litetex_gs::selftest::{RandomScene, SceneOptions, random_scene};
+use litetex_gs::train::{Control, Policy, TrainConfig, TrainEvent, TrainState, train};
+
+/// Maps of every shape: odd and even, one texel, one row, none.
+fn varied() -> RandomScene {
+    let map_sizes = vec![(4, 4), (8, 6), (2, 5), (1, 1), (7, 3), (1, 6), (0, 0), (20, 9)];
+    random_scene(&SceneOptions {
+        num_splats: 80,
+        map_sizes,
+        width_px: 64,
+        height_px: 48,
+        scales: (0.05, 0.2),
+        opacities: (0.3, 0.999),
+        depths: (0.8, 2.0),
+        ..SceneOptions::default()
+    })
+}
+
+fn costs(backend: &mut dyn Backend, scene: &RandomScene, first_seed: u64) -> Vec<Costs> {
+    backend.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
+    let probe = |seed| Ok(Probe::new(scene.camera, &scene.target, [0.2; 3], 3, seed));
+    backend.probe(&mut (first_seed..first_seed + 20).map(probe)).unwrap()
+}
+
+/// All costs of a splat, in the same order for each.
+fn numbers(costs: &Costs) -> Vec<f64> {
+    let mut all = vec![f64::from(costs.seen), costs.removal, costs.colour, costs.map];
+    all.extend(costs.degrees.iter().chain(&costs.coarser));
+    all.extend(costs.crops.as_flattened().as_flattened());
+    all
+}
+
+/// Largest difference of any kind of cost, over the root mean square of its kind.
+fn difference(a: &[Costs], b: &[Costs]) -> f64 {
+    let [a, b] = [a, b].map(|costs| costs.iter().map(numbers).collect::<Vec<_>>());
+    let of_kind = |kind: usize| {
+        let squares = b.iter().map(|costs| costs[kind].powi(2)).sum::<f64>();
+        assert!(squares > 0.0, "kind {kind} costs nothing");
+        let largest = a.iter().zip(&b).map(|(a, b)| (a[kind] - b[kind]).abs()).fold(0.0, f64::max);
+        largest / (squares / b.len() as f64).sqrt()
+    };
+    (0..b[0].len()).map(of_kind).fold(0.0, f64::max)
+}
+
+#[test]
+fn parts_of_splats_cost_the_same_on_every_driver() {
+    let scene = varied();
+    let mut cpu = CpuBackend::new(Some(2)).unwrap();
+    let expected = costs(&mut cpu, &scene, 0);
+    let hardware = GpuOptions { hardware_kernels: Some(true), ..GpuOptions::default() };
+    for options in [GpuOptions::default(), hardware] {
+        for mut gpu in backends(options) {
+            let got = costs(&mut gpu, &scene, 0);
+            let off = difference(&got, &expected);
+            println!("{off:.1e}");
+            assert!(off < 1e-3, "{off:e}");
+            // The same again, whatever was there before.
+            assert!(costs(&mut gpu, &scene, 0) == got);
+            // Negative control: other signs.
+            assert!(difference(&costs(&mut gpu, &scene, 20), &expected) > 0.1);
+        }
+    }
+}
+
+#[test]
+fn squared_errors_are_those_of_the_images() {
+    let scene = varied();
+    let mut masked = scene.target.clone();
+    masked.mask = Some((0..64 * 48).map(|i| u8::from(i % 7 != 0)).collect());
+    let brighter = ColourMap([[1.2, 0.0, 0.1, 0.0], [0.0, 1.1, 0.0, 0.05], [0.0, 0.0, 0.9, 0.0]]);
+    let compared = |photo, target, exposure| ComparedView {
+        camera: scene.camera,
+        photo: Some(photo),
+        target,
+        background: [0.2; 3],
+        sh_degree: 3,
+        exposure,
+    };
+    let views = [
+        compared(0, &scene.target, None),
+        compared(1, &masked, None),
+        compared(0, &scene.target, Some(brighter)),
+    ];
+    let mut cpu = CpuBackend::new(Some(2)).unwrap();
+    cpu.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
+    let expected = cpu.squared_errors(&views).unwrap();
+    for mut gpu in backends(GpuOptions::default()) {
+        gpu.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
+        // Each splat lags behind, so that it is flushed for the image, but not for good.
+        gpu.steps(&requests(&self::views(&scene), 1..=3)).unwrap();
+        let before = gpu.read_back().unwrap();
+        gpu.squared_errors(&views).unwrap();
+        assert!(gpu.read_back().unwrap() == before, "comparing moves nothing");
+
+        gpu.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
+        let got = gpu.squared_errors(&views).unwrap();
+        println!("{got:?}, expected {expected:?}");
+        for (got, expected) in got.iter().zip(&expected) {
+            // Needed 1e-6: sums in f32.
+            assert!((got / expected - 1.0).abs() < 1e-5);
+        }
+        // Negative control: the mask counts.
+        assert!((got[0] / got[1] - 1.0).abs() > 1e-2);
+    }
+}
+
+/// Whether a run goes on from a saved state with the same bits, whatever happened in between.
+fn returns_to_saved_states(backend: &mut dyn Backend) {
+    let scene = varied();
+    let views = views(&scene);
+    backend.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
+    backend.steps(&requests(&views, 1..=4)).unwrap();
+    let saved = backend.save().unwrap();
+    backend.steps(&requests(&views, 5..=9)).unwrap();
+    let straight = backend.read_back().unwrap();
+    let start = damaged(&scene);
+    backend.upload(&start, &AdamState::zeros(&start)).unwrap();
+    backend.steps(&requests(&views, 1..=2)).unwrap();
+    for _ in 0..2 {
+        backend.restore(&saved).unwrap();
+        backend.steps(&requests(&views, 5..=9)).unwrap();
+        assert!(backend.read_back().unwrap() == straight);
+    }
+    // Negative control: without the state.
+    backend.steps(&requests(&views, 5..=9)).unwrap();
+    assert!(backend.read_back().unwrap() != straight);
+}
+
+#[test]
+fn runs_go_on_from_saved_states() {
+    returns_to_saved_states(&mut CpuBackend::new(Some(2)).unwrap());
+    for mut gpu in backends(GpuOptions::default()) {
+        returns_to_saved_states(&mut gpu);
+    }
+}
+
+#[test]
+fn states_of_other_backends_are_refused() {
+    let scene = varied();
+    let mut cpu = CpuBackend::new(Some(2)).unwrap();
+    cpu.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
+    let saved = cpu.save().unwrap();
+    for mut gpu in backends(GpuOptions::default()) {
+        gpu.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
+        assert!(gpu.restore(&saved).unwrap_err().to_string().contains("another backend"));
+        assert!(cpu.restore(&gpu.save().unwrap()).unwrap_err().to_string().contains("another backend"));
+    }
+}
+
+/// Work between two readings of a device's counters.
+fn between(before: DeviceWork, after: DeviceWork) -> DeviceWork {
+    DeviceWork {
+        dispatches: after.dispatches - before.dispatches,
+        submissions: after.submissions - before.submissions,
+        waits: after.waits - before.waits,
+        uploads: after.uploads - before.uploads,
+        photos: after.photos - before.photos,
+        read_bytes: after.read_bytes - before.read_bytes,
+    }
+}
+
+/// Steps of the run whose rounds are counted.
+const STEPS: u32 = 300;
+
+#[test]
+fn a_round_of_pruning_leaves_the_device_to_itself() {
+    let Some(mut gpu) = backend(GpuOptions { batch_steps: Some(8), ..GpuOptions::default() }) else { return };
+    let scene = scene();
+    let views = photos(&scene);
+    let config = TrainConfig { policy: Policy::Litetex, save_every: 0, eval_every: 0, ..config(STEPS) };
+    let meter = gpu.gpu().work_meter();
+    // Work before a batch of steps and what follows it, and after: between the events of both the device rests.
+    let (mut before, mut after, mut rounds) = (meter(), meter(), Vec::new());
+    let mut sink = |event: TrainEvent<'_>| {
+        if meter() != after {
+            (before, after) = (after, meter());
+        }
+        if let TrainEvent::Pruned(pruned) = event {
+            rounds.push((pruned, between(before, after)));
+        }
+        Ok(Control::Continue)
+    };
+    train(&config, &mut gpu, &views, TrainState::fresh(damaged(&scene)), &mut sink).unwrap();
+    assert!(rounds.len() > 1 && rounds.iter().any(|(pruned, _)| pruned.params < pruned.params_before));
+    for (pruned, work) in &rounds {
+        println!("{pruned:?}\n    {work:?}");
+        assert!(work.uploads <= 2 && work.photos <= 5, "{work:?}");
+    }
+}
