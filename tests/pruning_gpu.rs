@@ -7,12 +7,14 @@ mod common;
 use common::gpu::{backend, backends};
 use common::steps::{requests, views};
 use common::training::{config, damaged, photos, scene};
+use glam::{DQuat, Vec3};
 use litetex_gs::backend::{Backend, ColourMap, ComparedView, Costs, Probe};
 use litetex_gs::cpu::CpuBackend;
 use litetex_gs::gpu::{DeviceWork, GpuOptions};
-use litetex_gs::model::AdamState;
+use litetex_gs::model::{AdamState, Model};
 use litetex_gs::selftest::{RandomScene, SceneOptions, random_scene};
-use litetex_gs::train::{Control, Policy, TrainConfig, TrainEvent, TrainState, train};
+use litetex_gs::train::density::DensityConfig;
+use litetex_gs::train::{Control, Policy, Pruned, TrainConfig, TrainEvent, TrainState, train};
 
 /// Maps of every shape: odd and even, one texel, one row, none.
 fn varied() -> RandomScene {
@@ -172,17 +174,15 @@ fn between(before: DeviceWork, after: DeviceWork) -> DeviceWork {
     }
 }
 
-/// Steps of the run whose rounds are counted.
-const STEPS: u32 = 300;
-
-#[test]
-fn a_round_of_pruning_leaves_the_device_to_itself() {
-    let Some(mut gpu) = backend(GpuOptions { batch_steps: Some(8), ..GpuOptions::default() }) else { return };
-    let scene = scene();
-    let views = photos(&scene);
-    let config = TrainConfig { policy: Policy::Litetex, save_every: 0, eval_every: 0, ..config(STEPS) };
+/// Work of the batches of steps after which a run prunes, with that of the density-control step between.
+fn rounds(start: &Model, floor_db: f64) -> Option<Vec<(Pruned, DeviceWork)>> {
+    let mut gpu = backend(GpuOptions { batch_steps: Some(8), ..GpuOptions::default() })?;
+    let views = photos(&scene());
+    let density = DensityConfig { floor_db, ..DensityConfig::default() };
+    let config =
+        TrainConfig { policy: Policy::Litetex, save_every: 0, eval_every: 0, density, ..config(150) };
     let meter = gpu.gpu().work_meter();
-    // Work before a batch of steps and what follows it, and after: between the events of both the device rests.
+    // Between the events of a batch the device rests.
     let (mut before, mut after, mut rounds) = (meter(), meter(), Vec::new());
     let mut sink = |event: TrainEvent<'_>| {
         if meter() != after {
@@ -193,10 +193,53 @@ fn a_round_of_pruning_leaves_the_device_to_itself() {
         }
         Ok(Control::Continue)
     };
-    train(&config, &mut gpu, &views, TrainState::fresh(damaged(&scene)), &mut sink).unwrap();
-    assert!(rounds.len() > 1 && rounds.iter().any(|(pruned, _)| pruned.params < pruned.params_before));
+    train(&config, &mut gpu, &views, TrainState::fresh(start.clone()), &mut sink).unwrap();
+    Some(rounds)
+}
+
+#[test]
+fn a_round_of_pruning_leaves_the_model_on_the_device() {
+    let Some(rounds) = rounds(&damaged(&scene()), DensityConfig::default().floor_db) else { return };
+    assert!(rounds.iter().any(|(pruned, _)| pruned.params < pruned.params_before));
     for (pruned, work) in &rounds {
         println!("{pruned:?}\n    {work:?}");
-        assert!(work.uploads <= 2 && work.photos <= 5, "{work:?}");
+        assert!(work.uploads == 0, "the model was sent again");
+        // Those of the five probes.
+        assert!(work.photos <= 5, "{} photos", work.photos);
+        // Needed 14; an image read for each view, or a wait for each probe, would double them.
+        assert!(work.waits <= 20, "{} waits", work.waits);
+        // The parameters for density control and again for pruning, 16 bytes of statistics and 88 of costs for each splat.
+        let splats = 400 + pruned.splats;
+        let most = 8 * pruned.params_before + 104 * splats + (64 << 10);
+        assert!(work.read_bytes <= most as u64, "{} bytes", work.read_bytes);
+    }
+}
+
+/// The splats in one plane across the first view, where neighbours can merge.
+fn wall() -> Model {
+    let scene = scene();
+    let mut model = damaged(&scene);
+    let camera_from_local = scene.camera.camera_from_local;
+    let local_from_camera = camera_from_local.inverse();
+    let rotation = DQuat::from_mat3(&local_from_camera.rotation);
+    let wxyz = [rotation.w, rotation.x, rotation.y, rotation.z].map(|q| q as f32);
+    for splat in 0..model.num_splats() {
+        let position = &mut model.splats.positions[3 * splat..][..3];
+        let in_camera = camera_from_local.transform_point(Vec3::from_slice(position).as_dvec3());
+        let in_plane = local_from_camera.transform_point(in_camera / in_camera.z);
+        position.copy_from_slice(&in_plane.as_vec3().to_array());
+        model.splats.quaternions[4 * splat..][..4].copy_from_slice(&wxyz);
+    }
+    model
+}
+
+#[test]
+fn trials_of_merges_send_the_model_twice_at_most() {
+    // So low that every model is good enough.
+    let Some(rounds) = rounds(&wall(), 10.0) else { return };
+    assert!(rounds.iter().any(|(pruned, work)| pruned.merged > 0 && work.uploads > 0));
+    for (pruned, work) in &rounds {
+        println!("{pruned:?}\n    {work:?}");
+        assert!(work.uploads <= 2 && work.photos <= 5 && work.waits <= 30, "{work:?}");
     }
 }
