@@ -62,7 +62,8 @@ fn parts_of_splats_cost_the_same_on_every_driver() {
     let scene = varied();
     let mut cpu = CpuBackend::new(Some(2)).unwrap();
     let expected = costs(&mut cpu, &scene, 0);
-    let hardware = GpuOptions { hardware_kernels: Some(true), ..GpuOptions::default() };
+    let hardware =
+        GpuOptions { hardware_kernels: Some(true), unchecked_indices: Some(true), ..GpuOptions::default() };
     for options in [GpuOptions::default(), hardware] {
         for mut gpu in backends(options) {
             let got = costs(&mut gpu, &scene, 0);

@@ -40,9 +40,14 @@ fn gpu_matches_the_reference_on_every_driver() {
     }
 }
 
-/// Options for a variant of the rasterisation, with pairs counted.
+/// Options for a variant of the rasterisation, with pairs counted; that for hardware without clamps of indices.
 fn variant(hardware: bool) -> GpuOptions {
-    GpuOptions { hardware_kernels: Some(hardware), count_pairs: true, ..GpuOptions::default() }
+    GpuOptions {
+        hardware_kernels: Some(hardware),
+        unchecked_indices: Some(hardware),
+        count_pairs: true,
+        ..GpuOptions::default()
+    }
 }
 
 #[test]

@@ -18,6 +18,13 @@ pub struct AdapterChoice {
     pub(super) adapter: wgpu::Adapter,
 }
 
+impl AdapterChoice {
+    /// Whether it is driven through Vulkan.
+    pub(super) fn is_vulkan(&self) -> bool {
+        self.adapter.get_info().backend == wgpu::Backend::Vulkan
+    }
+}
+
 /// An adapter that cannot run the kernels.
 #[derive(Clone, Debug)]
 pub struct UnfitAdapter {

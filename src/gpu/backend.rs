@@ -37,7 +37,7 @@ impl Backend for GpuBackend {
     }
 
     fn forget_photos(&mut self) {
-        self.photos.release(&mut self.resources);
+        self.photos.forget();
     }
 
     fn save(&mut self) -> Result<SavedState> {

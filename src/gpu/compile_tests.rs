@@ -16,7 +16,7 @@ fn every_kernel_compiles_within_the_minimum_limits() {
         let device = GpuDevice::open(&choice, LimitChoice::Downlevel).unwrap();
         for flags in [&[][..], &[HALF_TILES]] {
             for (id, _) in KERNELS {
-                if let Err(e) = device.pipelines(&[*id], flags) {
+                if let Err(e) = device.pipelines(&[*id], flags, true) {
                     panic!("{id:?} {flags:?}: {e}");
                 }
             }

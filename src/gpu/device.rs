@@ -168,6 +168,13 @@ impl GpuDevice {
         self.queue.submit([encoder.finish()]);
     }
 
+    /// Copies the first bytes of a buffer to another.
+    pub(super) fn copy(&self, from: &wgpu::Buffer, to: &wgpu::Buffer, bytes: u64) {
+        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        encoder.copy_buffer_to_buffer(from, 0, to, 0, bytes);
+        self.submit(encoder);
+    }
+
     /// Fails, from the first asynchronous error on: later steps must not build on commands that may not have been
     /// carried out.
     ///
@@ -261,25 +268,31 @@ impl GpuDevice {
         })
     }
 
-    /// Compiles kernels, with preprocessor flags in addition to their own.
+    /// Compiles kernels, with preprocessor flags in addition to their own; with `checks_indices`, indices of arrays and
+    /// buffers are clamped.
     ///
     /// # Errors
     /// [`Error::Device`] with the driver's message if it rejects a shader.
-    pub(super) fn pipelines(&self, ids: &[KernelId], flags: &[&str]) -> Result<BTreeMap<KernelId, Pipeline>> {
+    pub(super) fn pipelines(
+        &self,
+        ids: &[KernelId],
+        flags: &[&str],
+        checks_indices: bool,
+    ) -> Result<BTreeMap<KernelId, Pipeline>> {
         let mut out = BTreeMap::new();
         for (id, kernel) in KERNELS.iter().filter(|(id, _)| ids.contains(id)) {
-            out.insert(*id, self.pipeline(kernel, flags)?);
+            out.insert(*id, self.pipeline(kernel, flags, checks_indices)?);
         }
         Ok(out)
     }
 
-    fn pipeline(&self, kernel: &Kernel, flags: &[&str]) -> Result<Pipeline> {
+    fn pipeline(&self, kernel: &Kernel, flags: &[&str], checks_indices: bool) -> Result<Pipeline> {
         let flags = [kernel.flags, flags].concat();
         let expanded = expand(kernel.name, &flags).map_err(|e| self.error(&e))?;
         let filters =
             [wgpu::ErrorFilter::OutOfMemory, wgpu::ErrorFilter::Internal, wgpu::ErrorFilter::Validation];
         let scopes = filters.map(|filter| self.device.push_error_scope(filter));
-        let module = self.module(kernel.name, &expanded.text);
+        let module = self.module(kernel.name, &expanded.text, checks_indices);
         let layout = self.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some(kernel.name),
             entries: &layout_entries(kernel),
@@ -312,17 +325,19 @@ impl GpuDevice {
 
     /// A shader module without the loop counters and division guards that wgpu adds for untrusted code.
     #[allow(unsafe_code, reason = "wgpu offers no safe way to leave them out")]
-    fn module(&self, name: &str, text: &str) -> wgpu::ShaderModule {
+    fn module(&self, name: &str, text: &str, checks_indices: bool) -> wgpu::ShaderModule {
         let descriptor =
             wgpu::ShaderModuleDescriptor { label: Some(name), source: wgpu::ShaderSource::Wgsl(text.into()) };
         let checks = wgpu::ShaderRuntimeChecks {
-            bounds_checks: true,
+            bounds_checks: checks_indices,
             force_loop_bounding: false,
             int_div_checks: false,
             ..wgpu::ShaderRuntimeChecks::checked()
         };
         // SAFETY: the shaders are our own. By inspection, not by test: every loop counts up to a bound or down to
-        // zero, and every divisor is positive. Indices are still checked against the bounds of their buffers.
+        // zero, and every divisor is positive. Indices of buffers that are not checked here are checked by the device:
+        // wgpu opens all Vulkan devices with robust buffer access. Indices of workgroup and local arrays are the
+        // invocation's number, or loop counters below the length of the array; twins test them both ways.
         unsafe { self.device.create_shader_module_trusted(descriptor, checks) }
     }
 

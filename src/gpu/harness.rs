@@ -48,7 +48,7 @@ impl Harness {
         let device = GpuDevice::open(choice, LimitChoice::Downlevel).unwrap();
         let steps = device.uniforms("steps", 4).unwrap();
         let sort_passes = device.uniforms("sort passes", 16).unwrap();
-        let pipelines = device.pipelines(kernels, &[]).unwrap();
+        let pipelines = device.pipelines(kernels, &[], true).unwrap();
         let mut harness = Self { device, resources: Resources::new(steps, sort_passes), pipelines };
         harness.fill(Buf::Args, &vec![DispatchArgs::default(); NUM_GROUPS as usize]);
         harness

@@ -1,5 +1,5 @@
 //! A cache of photos on the device: one pool, filled as a ring. A photo is uploaded again only after others have
-//! evicted it.
+//! evicted it for want of room.
 
 use super::device::GpuDevice;
 use super::kernels::Buf;
@@ -70,10 +70,9 @@ const PIXEL_BYTES: u64 = 4;
 const POOL_MAX_BYTES: u64 = 2 << 30;
 
 impl PhotoPool {
-    /// Forgets all photos and frees the pool.
-    pub(super) fn release(&mut self, resources: &mut Resources) {
-        resources.remove(Buf::Photo);
-        *self = Self::default();
+    /// Forgets all photos.
+    pub(super) fn forget(&mut self) {
+        *self = Self { capacity_px: self.capacity_px, ..Self::default() };
     }
 
     /// Makes room for the photos of a batch to be resident at once. Returns how many of them, counted from the
@@ -92,8 +91,13 @@ impl PhotoPool {
         let keys = PhotoKey::all(batch);
         let (fitting, wanted_px) = self.wanted(&keys, most / PIXEL_BYTES);
         if wanted_px > self.capacity_px {
-            resources.set(Buf::Photo, device.buffer("photos, pixels", wanted_px, PIXEL_BYTES)?);
-            *self = Self { capacity_px: wanted_px, ..Self::default() };
+            let pool = device.buffer("photos, pixels", wanted_px, PIXEL_BYTES)?;
+            if self.capacity_px > 0 {
+                // Photos stay where they are.
+                device.copy(resources.buffer(Buf::Photo), &pool, self.capacity_px * PIXEL_BYTES);
+            }
+            resources.set(Buf::Photo, pool);
+            self.capacity_px = wanted_px;
         }
         Ok(fitting)
     }

@@ -3,7 +3,7 @@
 use super::encode::Dispatch;
 use super::kernels::{Buf, KernelId};
 use super::layout::FLAG_PERSIST;
-use super::state::{GpuBackend, tile_flags};
+use super::state::GpuBackend;
 use super::submission::Task;
 use super::uniform;
 use crate::Result;
@@ -54,10 +54,7 @@ fn run(
 
 /// Replaces the model by the one that is probed, with moments of zero.
 fn prepare(backend: &mut GpuBackend) -> Result<()> {
-    let mut missing = KERNELS.to_vec();
-    missing.retain(|id| !backend.pipelines.contains_key(id));
-    let compiled = backend.device.pipelines(&missing, tile_flags(backend.tile_rows_px))?;
-    backend.pipelines.extend(compiled);
+    backend.compile(KERNELS.to_vec())?;
     backend.flush_all();
     backend.arm();
     let uniform = uniform::without_view(&backend.uniform_inputs(), FLAG_PERSIST);

@@ -28,6 +28,9 @@ pub struct GpuOptions {
     /// Whether to use the kernel variants for hardware: tiles of 16 x 16 pixels instead of 16 x 8, splats loaded
     /// through workgroup memory, and an atomic per tap for the texels of large windows. `None`: on hardware.
     pub hardware_kernels: Option<bool>,
+    /// Whether kernels are compiled without clamps of their indices. `None`: on hardware with Vulkan, whose devices check
+    /// those of buffers themselves.
+    pub unchecked_indices: Option<bool>,
     /// Whether to count the global atomics of the texel gradients, instead of faults. Ignored in steps with window
     /// statistics or terms on depths and normals.
     pub count_texel_atomics: bool,
@@ -75,7 +78,9 @@ impl GpuBackend {
     /// [`crate::Error::Device`] if the driver rejects a kernel or allocation fails.
     pub fn new(device: GpuDevice, options: GpuOptions) -> Result<Self> {
         let (raster, tile_rows_px) = variants(&device, &options);
-        let pipelines = device.pipelines(&raster.without_geometry(), tile_flags(tile_rows_px))?;
+        let checks_indices = checks_indices(&device, &options);
+        let pipelines =
+            device.pipelines(&raster.without_geometry(), tile_flags(tile_rows_px), checks_indices)?;
         let passes = sort::sort_passes();
         let mut resources = Resources::new(
             device.uniforms("steps", BATCH as u64)?,
@@ -128,13 +133,15 @@ impl GpuBackend {
         if options.batch_steps != self.options.batch_steps {
             self.pace = Pace::new(options.batch_steps);
         }
-        self.options = options;
         let (raster, tile_rows_px) = variants(&self.device, &options);
         // The height of tiles is compiled into most kernels: if it changes, none can be kept.
-        let keeps = tile_rows_px == self.tile_rows_px;
+        let keeps = tile_rows_px == self.tile_rows_px
+            && checks_indices(&self.device, &options) == checks_indices(&self.device, &self.options);
+        self.options = options;
         let mut missing = raster.without_geometry();
         missing.retain(|id| !keeps || !self.pipelines.contains_key(id));
-        let compiled = self.device.pipelines(&missing, tile_flags(tile_rows_px))?;
+        let checks_indices = checks_indices(&self.device, &options);
+        let compiled = self.device.pipelines(&missing, tile_flags(tile_rows_px), checks_indices)?;
         if !keeps {
             self.pipelines.clear();
             self.resources.forget_groups();
@@ -142,6 +149,18 @@ impl GpuBackend {
         self.pipelines.extend(compiled);
         (self.raster, self.tile_rows_px) = (raster, tile_rows_px);
         self.timer = if options.time_kernels { Timer::new(&self.device)? } else { None };
+        Ok(())
+    }
+
+    /// Compiles those of these kernels that have not been.
+    ///
+    /// # Errors
+    /// [`crate::Error::Device`] if the driver rejects a kernel.
+    pub(super) fn compile(&mut self, mut kernels: Vec<KernelId>) -> Result<()> {
+        kernels.retain(|id| !self.pipelines.contains_key(id));
+        let flags = tile_flags(self.tile_rows_px);
+        let checks_indices = checks_indices(&self.device, &self.options);
+        self.pipelines.extend(self.device.pipelines(&kernels, flags, checks_indices)?);
         Ok(())
     }
 
@@ -235,7 +254,12 @@ fn variants(device: &GpuDevice, options: &GpuOptions) -> (RasterKernels, u32) {
     (raster, if hardware { TILE_PX } else { HALF_TILE_ROWS_PX })
 }
 
+/// Whether kernels are compiled with clamps of their indices.
+fn checks_indices(device: &GpuDevice, options: &GpuOptions) -> bool {
+    !options.unchecked_indices.unwrap_or_else(|| device.choice.hardware && device.choice.is_vulkan())
+}
+
 /// Preprocessor flags of all kernels for tiles of a given height.
-pub(super) fn tile_flags(tile_rows_px: u32) -> &'static [&'static str] {
+fn tile_flags(tile_rows_px: u32) -> &'static [&'static str] {
     if tile_rows_px == HALF_TILE_ROWS_PX { &[HALF_TILES] } else { &[] }
 }

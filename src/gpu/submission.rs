@@ -6,7 +6,7 @@ use super::kernels::{Buf, KernelId};
 use super::layout::{FLAG_COUNT_ATOMICS, MAX_SIDE_PX, PAIR_SUMS_GEOMETRY, Status, StepUniform};
 use super::resources::UniformOffsets;
 use super::sort;
-use super::state::{GpuBackend, PendingStep, tile_flags};
+use super::state::{GpuBackend, PendingStep};
 use super::uniform;
 use super::view_buffers::RequiredCapacity;
 use crate::Result;
@@ -124,13 +124,7 @@ impl GpuBackend {
 
     /// Compiles the kernels for depths and normals when they are first needed.
     pub(super) fn compile_geometry(&mut self, training: bool) -> Result<()> {
-        let mut missing = self.raster.geometry_only(training);
-        missing.retain(|id| !self.pipelines.contains_key(id));
-        if !missing.is_empty() {
-            let compiled = self.device.pipelines(&missing, tile_flags(self.tile_rows_px))?;
-            self.pipelines.extend(compiled);
-        }
-        Ok(())
+        self.compile(self.raster.geometry_only(training))
     }
 
     /// Capacity that renders or training steps with these cameras need.

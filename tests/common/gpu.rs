@@ -31,7 +31,11 @@ pub fn backends(options: GpuOptions) -> impl Iterator<Item = GpuBackend> {
     })
 }
 
+/// A backend on a driver, whose kernels clamp indices unless all limits are used or `LITETEX_UNCHECKED_INDICES` is set.
 pub fn open(choice: &AdapterChoice, limits: LimitChoice, options: GpuOptions) -> GpuBackend {
+    let unchecked = limits == LimitChoice::Adapter || std::env::var_os("LITETEX_UNCHECKED_INDICES").is_some();
+    let unchecked_indices = options.unchecked_indices.or(Some(unchecked));
+    let options = GpuOptions { unchecked_indices, ..options };
     GpuBackend::new(GpuDevice::open(choice, limits).unwrap(), options).unwrap()
 }
 

@@ -107,6 +107,8 @@ pub struct WorkPerStep {
     pub submissions: f64,
     /// How often the host waited, per step.
     pub host_waits: f64,
+    /// Photos sent, per step: 0 unless the views do not fit the device, or there was no time to send them before.
+    pub photos: f64,
 }
 
 /// Pixel-splat pairs per pixel; means over a few steps.
@@ -175,7 +177,9 @@ pub struct StepFigures {
     pub steps: u32,
     /// Steps per submission.
     pub batch_steps: usize,
-    /// Wall time per step.
+    /// Wall time of a step whose photo is sent first; `null` without time for it.
+    pub first_wall_secs_per_step: Option<f64>,
+    /// Wall time of a step whose photo is on the device.
     pub wall_secs_per_step: f64,
     /// CPU time of the process per step; software drivers compute in the process.
     pub cpu_secs_per_step: f64,
@@ -261,6 +265,13 @@ impl BenchRun<'_, '_> {
         let plain = GpuOptions { batch_steps: Some(Pace::at(self.step_secs)), ..GpuOptions::default() };
         self.backend.set_options(plain)?;
 
+        // The buffers are large enough by now: this sends the photos and nothing else besides the steps.
+        self.backend.forget_photos();
+        self.next = 1;
+        let sending = Instant::now();
+        let sent = self.run_within(0.2, 0, views)?.len() as f64;
+        let first_wall_secs_per_step = (sent > 0.0).then(|| sending.elapsed().as_secs_f64() / sent);
+
         let (work, cpu, wall) = (self.backend.gpu().work(), process_cpu_secs(), Instant::now());
         let measured = self.run_within(0.25, 1, steps)?.len() as u32;
         let per = |total: f64| total / f64::from(measured);
@@ -291,6 +302,7 @@ impl BenchRun<'_, '_> {
         Ok(StepFigures {
             steps: measured,
             batch_steps: self.backend.batch_steps(),
+            first_wall_secs_per_step,
             wall_secs_per_step,
             cpu_secs_per_step,
             steps_per_sec: 1.0 / wall_secs_per_step.max(1e-12),
@@ -368,6 +380,7 @@ fn work_per_step(before: DeviceWork, after: DeviceWork, steps: u32) -> WorkPerSt
         dispatches: per(before.dispatches, after.dispatches),
         submissions: per(before.submissions, after.submissions),
         host_waits: per(before.waits, after.waits),
+        photos: per(before.photos, after.photos),
     }
 }
 

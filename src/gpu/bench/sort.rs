@@ -36,7 +36,7 @@ pub struct SortThroughput {
 /// [`crate::Error::Device`] if allocation or the device fails.
 pub fn sort_throughput(device: &GpuDevice, keys: usize) -> Result<SortThroughput> {
     let kernels = [KernelId::SortCount, KernelId::SortScan, KernelId::SortScatter];
-    let pipelines = device.pipelines(&kernels, &[])?;
+    let pipelines = device.pipelines(&kernels, &[], true)?;
     let passes = sort_passes();
     let mut resources =
         Resources::new(device.uniforms("steps", 1)?, device.uniforms("sort passes", passes.len() as u64)?);
