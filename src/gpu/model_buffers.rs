@@ -8,6 +8,10 @@ use super::resources::Resources;
 use super::shader::GROUP;
 use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TextureMap};
 use crate::{Error, Result};
+use rayon::prelude::*;
+
+/// Splats whose parameters a thread copies at a time.
+const SPLATS_PER_TASK: usize = 4096;
 
 /// Floats of the parameters of all splats that records can address.
 pub(super) const MOST_SPLAT_FLOATS: u64 = 1 << 30;
@@ -37,36 +41,51 @@ pub(super) fn check_floats(splats: &SplatArrays) -> Result<()> {
     )))
 }
 
+/// The floats of splats `0..n`, one after the other.
+fn gathered<'a>(
+    n: usize,
+    floats: impl Fn(usize, SplatGroup) -> &'a [f32] + Sync,
+    groups: &[SplatGroup],
+) -> Vec<f32> {
+    let of_task = |task: usize| {
+        let mut out = Vec::new();
+        for splat in task * SPLATS_PER_TASK..n.min((task + 1) * SPLATS_PER_TASK) {
+            groups.iter().for_each(|&group| out.extend_from_slice(floats(splat, group)));
+        }
+        out
+    };
+    (0..n.div_ceil(SPLATS_PER_TASK)).into_par_iter().map(of_task).collect::<Vec<_>>().concat()
+}
+
 /// The parameters splat by splat. `[num_splat_floats]`
 fn interleaved(arrays: &SplatArrays) -> Vec<f32> {
-    let mut out = Vec::with_capacity(num_splat_floats(arrays));
-    for i in 0..arrays.len() {
-        for group in SplatGroup::ALL {
-            out.extend_from_slice(&arrays.group(group)[arrays.range(group, i)]);
-        }
-    }
-    out
+    gathered(arrays.len(), |i, group| &arrays.group(group)[arrays.range(group, i)], &SplatGroup::ALL)
 }
 
 /// Inverse of [`interleaved`] for splats of these degrees.
 fn separated(values: &[f32], sh_degrees: &[u8]) -> SplatArrays {
     let mut out = SplatArrays::zeros_of(sh_degrees.to_vec());
-    let mut rest = values;
-    for i in 0..out.len() {
-        for group in SplatGroup::ALL {
-            let range = out.range(group, i);
-            let (head, tail) = rest.split_at(range.len());
-            out.group_mut(group)[range].copy_from_slice(head);
-            rest = tail;
-        }
+    let mut before = 0;
+    for group in SplatGroup::ALL {
+        let own = |i: usize, group: SplatGroup| {
+            &values[first_float(&out, i) + before..][..out.range(group, i).len()]
+        };
+        let gathered = gathered(out.len(), own, &[group]);
+        *out.group_mut(group) = gathered;
+        before += group.width(0);
     }
     out
 }
 
+/// The first float of a splat.
+fn first_float(splats: &SplatArrays, splat: usize) -> usize {
+    // A splat's parameters other than SH are as many for all.
+    splat * (splat_floats(0) - SplatGroup::Sh.width(0)) + splats.sh_offsets()[splat] as usize
+}
+
 pub(super) fn splat_infos(model: &Model, last_step: impl Fn(usize) -> u32) -> Vec<SplatInfo> {
     let Model { splats, textures, .. } = model;
-    // A splat's parameters other than SH are as many for all.
-    let first = |i: usize| i * (splat_floats(0) - SplatGroup::Sh.width(0)) + splats.sh_offsets()[i] as usize;
+    let first = |i: usize| first_float(splats, i);
     let info = |(i, map): (usize, &TextureMap)| SplatInfo {
         map_offset_texels: map.offset_texels,
         map_size: u32::from(map.rows) | u32::from(map.cols) << 16,

@@ -7,6 +7,7 @@ use super::resources::Resources;
 use crate::Result;
 use crate::backend::TargetImage;
 use crate::image::ALPHA_LEVELS;
+use rayon::prelude::*;
 
 /// Identity of a cached photo: its number and its size, since a photo may be used at several sizes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -66,6 +67,8 @@ pub(super) struct PhotoPool {
 }
 
 const PIXEL_BYTES: u64 = 4;
+/// Pixels that a thread packs at a time.
+const PIXELS_PER_TASK: usize = 1 << 16;
 /// Largest size of the pool, unless the device's limit is smaller.
 const POOL_MAX_BYTES: u64 = 2 << 30;
 
@@ -204,7 +207,7 @@ impl PhotoPool {
 
 /// RGB, and a byte of alpha in seven bits below the mask's, packed in an integer. `[height, width]`
 fn packed(target: &TargetImage) -> Vec<u32> {
-    let rgb = target.rgb.chunks_exact(3).enumerate();
+    let rgb = target.rgb.par_chunks_exact(3).with_min_len(PIXELS_PER_TASK).enumerate();
     rgb.map(|(i, p)| {
         let alpha = target.alpha.as_ref().map_or(ALPHA_LEVELS, |alpha| alpha[i]);
         u32::from_le_bytes([p[0], p[1], p[2], alpha | if target.counts(i) { 128 } else { 0 }])

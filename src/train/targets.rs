@@ -4,6 +4,7 @@ use crate::Result;
 use crate::camera::{Camera, Pinhole};
 use crate::image::TargetImage;
 use crate::views::ViewSource;
+use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Memory for reduced photos, unless the user allows less for photos.
@@ -44,6 +45,21 @@ impl Targets {
         Camera { pinhole: reduced(&camera.pinhole, self.scale), ..camera }
     }
 
+    /// Reduces those photos of these views that are not kept yet, on all cores, as far as there is room for them. Those that
+    /// cannot be read are left for [`Self::get`] to report.
+    pub fn prepare(&mut self, views: &dyn ViewSource, wanted: &[usize]) {
+        let has_room = self.kept_bytes < self.most_bytes(views);
+        let mut missing: Vec<usize> =
+            wanted.iter().copied().filter(|&view| self.scale > 1.0 && self.kept[view].is_none()).collect();
+        missing.sort_unstable();
+        missing.dedup();
+        if missing.len() > 1 && has_room {
+            let reduce = |&view: &usize| Some((view, self.reduced(views, view).ok()?));
+            let images: Vec<_> = missing.par_iter().filter_map(reduce).collect();
+            images.into_iter().for_each(|(view, image)| self.keep(views, view, &image));
+        }
+    }
+
     /// The photo of a view at the stage's size.
     ///
     /// # Errors
@@ -55,15 +71,26 @@ impl Targets {
         if let Some(image) = &self.kept[view] {
             return Ok(Arc::clone(image));
         }
-        let full = views.target(view)?;
-        let pinhole = self.camera(views, view).pinhole;
-        let image = Arc::new(full.reduced(pinhole.width_px, pinhole.height_px));
-        let bytes = image.num_bytes();
-        if self.kept_bytes + bytes <= KEPT_BYTES.min(views.cache_limit_bytes()) {
-            self.kept_bytes += bytes;
-            self.kept[view] = Some(Arc::clone(&image));
-        }
+        let image = self.reduced(views, view)?;
+        self.keep(views, view, &image);
         Ok(image)
+    }
+
+    fn reduced(&self, views: &dyn ViewSource, view: usize) -> Result<Arc<TargetImage>> {
+        let pinhole = self.camera(views, view).pinhole;
+        Ok(Arc::new(views.target(view)?.reduced(pinhole.width_px, pinhole.height_px)))
+    }
+
+    fn keep(&mut self, views: &dyn ViewSource, view: usize, image: &Arc<TargetImage>) {
+        let bytes = image.num_bytes();
+        if self.kept_bytes + bytes <= self.most_bytes(views) {
+            self.kept_bytes += bytes;
+            self.kept[view] = Some(Arc::clone(image));
+        }
+    }
+
+    fn most_bytes(&self, views: &dyn ViewSource) -> u64 {
+        KEPT_BYTES.min(views.cache_limit_bytes())
     }
 
     /// Whether the full photo will be read for a view.

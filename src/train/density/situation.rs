@@ -8,6 +8,7 @@ use crate::camera::Camera;
 use crate::model::Model;
 use crate::train::charge::Charge;
 use serde::Serialize;
+use std::ops::Add;
 
 /// What a revision is decided from.
 #[derive(Clone, Copy)]
@@ -93,6 +94,24 @@ pub struct DensityCounts {
     pub bands_gained: usize,
     /// Offers that were not taken for lack of budget.
     pub over_budget: usize,
+}
+
+impl Add for DensityCounts {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self {
+            pruned: self.pruned + other.pruned,
+            faded: self.faded + other.faded,
+            split: self.split + other.split,
+            respawned: self.respawned + other.respawned,
+            refined: self.refined + other.refined,
+            coarsened: self.coarsened + other.coarsened,
+            bands_lost: self.bands_lost + other.bands_lost,
+            bands_gained: self.bands_gained + other.bands_gained,
+            over_budget: self.over_budget + other.over_budget,
+        }
+    }
 }
 
 /// The outcome of a density-control step.

@@ -48,6 +48,7 @@ impl Trainer<'_> {
         let next = order.take(wanted.max(PREFETCH_VIEWS).min(left));
         let requested = views.iter().copied().chain(next).filter(|&view| self.targets.needs_full(view));
         self.views.prefetch(&requested.collect::<Vec<_>>());
+        self.targets.prepare(self.views, &views);
         let mut counted = self.state.window_views.clone();
 
         let mut batch = Vec::with_capacity(len);

@@ -1,7 +1,7 @@
 //! Growth of `litetex`, and of the policies that differ from it only in their maps (method 6.6): all that a splat could become,
 //! split, with a finer map or another SH band, is drawn by the error that it is expected to remove per parameter.
 
-use super::prepare::{Preparation, Prepared};
+use super::prepare::{Preparation, Prepared, SPLATS_PER_TASK};
 use super::spec::{RuleSpec, SPLIT_RATE, SplitShare};
 use crate::train::density::draw::draw_order;
 use crate::train::density::ops::band;
@@ -11,6 +11,7 @@ use crate::train::density::plan::{Plan, PlannedSplat, cost};
 use crate::train::density::settings::Budget;
 use crate::train::density::situation::{DensityCounts, Revision, Situation};
 use crate::train::density::stats::ErrorMeasure;
+use rayon::prelude::*;
 
 /// The share of a splat's error that its first map is expected to remove, that a finer one is, and that another SH band is, over
 /// the share that a split removes (method 6.6).
@@ -97,17 +98,17 @@ pub fn revise(s: &Situation<'_>) -> Revision {
 /// What all splats could become, without what is expected to gain nothing.
 fn all_offers(s: &Situation<'_>, prepared: &mut Prepared) -> Vec<Offer> {
     let Prepared { scores, pixels, high_error, may_gain_band, planned, .. } = prepared;
-    let mut offers = Vec::new();
-    for planned in planned.iter_mut().flatten() {
+    let of_splat = |planned: &mut Option<PlannedSplat>| {
+        let Some(planned) = planned else { return Vec::new() };
         let splat = planned.source as usize;
         let found = offers_of(s, planned, high_error[splat], may_gain_band[splat], pixels[splat]);
-        offers.extend(found.into_iter().map(|(kind, parts)| {
+        let offer = |(kind, parts): (Kind, Vec<PlannedSplat>)| {
             let weight = kind.gain() * scores.error[splat] / cost(&s.charge, planned, &parts);
             Offer { splat, kind, parts, weight }
-        }));
-    }
-    offers.retain(|offer| offer.weight > 0.0);
-    offers
+        };
+        found.into_iter().map(offer).filter(|offer| offer.weight > 0.0).collect()
+    };
+    planned.par_iter_mut().with_min_len(SPLATS_PER_TASK).flat_map_iter(of_splat).collect()
 }
 
 /// What a splat could become. The ceiling of a map that cannot be refined yet is raised, which costs nothing.

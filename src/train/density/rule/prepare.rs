@@ -7,6 +7,11 @@ use crate::train::density::plan::{PlannedSplat, size_of, with, without};
 use crate::train::density::situation::{DensityCounts, Situation};
 use crate::train::density::sizes::{MapRule, Sizes};
 use crate::train::density::stats::{ErrorMeasure, Scores, prune_count_after};
+use rayon::prelude::*;
+use std::ops::Add;
+
+/// Splats that a thread decides on at a time.
+pub const SPLATS_PER_TASK: usize = 512;
 
 /// Full size over image size from which narrow splats can miss every pixel: such windows can only reset prune counts.
 const UNRELIABLE_SCALE: f64 = 3.0;
@@ -48,20 +53,27 @@ impl Preparation {
         let scores = Scores::new(s.statistics, s.cameras.len(), self.error, LEAST_CONTRIBUTION);
         let pixels = pixel_sizes(s.model, s.cameras);
         let high_error = if s.timing.grows { scores.high_error(s.settings.quantile) } else { vec![false; n] };
-        let mut counts = DensityCounts::default();
-        let mut planned: Vec<Option<PlannedSplat>> = (0..n)
-            .map(|splat| self.survivor(s, &scores, unchanged(s, splat, pixels[splat]), &mut counts))
-            .collect();
+        let survivors = (0..n).into_par_iter().with_min_len(SPLATS_PER_TASK).map(|splat| {
+            let mut counts = DensityCounts::default();
+            (self.survivor(s, &scores, unchanged(s, splat, pixels[splat]), &mut counts), counts)
+        });
+        let (mut planned, removed): (Vec<Option<PlannedSplat>>, Vec<DensityCounts>) = survivors.unzip();
         if planned.iter().all(Option::is_none) {
             return None;
         }
         let mut may_gain_band = vec![false; n];
-        for planned in planned.iter_mut().flatten() {
-            let splat = planned.source as usize;
-            may_gain_band[splat] = band::test(s, &scores, planned, &mut counts).is_some();
-            let may_coarsen = s.timing.may_coarsen && s.timing.use_statistics && !high_error[splat];
+        let each = planned.par_iter_mut().zip(&mut may_gain_band).with_min_len(SPLATS_PER_TASK);
+        let fitted = each.map(|(planned, may_gain_band)| {
+            let mut counts = DensityCounts::default();
+            let Some(planned) = planned else { return counts };
+            *may_gain_band = band::test(s, &scores, planned, &mut counts).is_some();
+            let is_high_error = high_error[planned.source as usize];
+            let may_coarsen = s.timing.may_coarsen && s.timing.use_statistics && !is_high_error;
             map::fit(s, may_coarsen, self.drops_maps, planned, &mut counts);
-        }
+            counts
+        });
+        let mut counts = fitted.reduce(DensityCounts::default, Add::add);
+        counts = removed.into_iter().fold(counts, Add::add);
         coarsen_to_budget(s, &scores, &mut planned, &mut counts);
         Some(Prepared { scores, pixels, high_error, may_gain_band, planned, counts })
     }
