@@ -54,6 +54,7 @@ fn prefix_sums(@builtin(local_invocation_index) lane: u32) {
     set_groups(GROUPS_TILE_INVOCATIONS, invocations(num_tiles));
     set_groups(GROUPS_PAIRS, invocations(total));
     set_groups(GROUPS_PAIR_BLOCKS, blocks_of(total));
+    set_groups(GROUPS_SPLAT_TOTALS, invocations(step.num_splats * step.partial_stride));
 }
 
 // Workgroups that provide `count` invocations.

@@ -42,7 +42,7 @@ fn tile_emit(
             slot += 1u;
         }
     }
-    // raster_bwd writes no sums for slots left over, and project_bwd must not read them.
+    // raster_bwd writes no sums for slots left over, and sum_pairs must not read them.
     bounds[splat].num_tiles = slot - first_slot;
     for (; slot < past; slot += 1u) {
         keys_out[slot] = step.grid.x * step.grid.y;

@@ -1,4 +1,4 @@
-// Slots of the sums of a pair, which raster_bwd writes and project_bwd adds up. The strides mirror
+// Slots of the sums of a pair, which raster_bwd writes and sum_pairs adds up. The strides mirror
 // `layout::PAIR_SUMS` and its variants.
 
 // Derivatives by the first and second coordinate on the surfel and by the denominator: the sum, times dx, times dy.

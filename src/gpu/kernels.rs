@@ -51,6 +51,7 @@ pub enum Buf {
     PixelRecords,
     GeometryPartials,
     ExposurePartials,
+    SplatTotals,
     Costs,
 }
 
@@ -120,10 +121,12 @@ pub enum Groups {
     Pairs,
     /// One workgroup per block of [`super::shader::BLOCK`] pairs.
     PairBlocks,
+    /// One invocation per sum of a splat, once the pairs are counted.
+    SplatTotals,
 }
 
 /// Entries of the table of indirect dispatches.
-pub const NUM_GROUPS: u32 = Groups::PairBlocks as u32 + 1;
+pub const NUM_GROUPS: u32 = Groups::SplatTotals as u32 + 1;
 
 /// Binding of the [`super::layout::SortPass`], in the kernels of the sort.
 pub const SORT_PASS_BINDING: u32 = 15;
@@ -211,9 +214,12 @@ kernels! {
         RasterBwdGeometry ["STATISTICS", "GEOMETRY"];
         RasterBwdGeometryScatter ["STATISTICS", "GEOMETRY", "SCATTER"];
     }
-    "project_bwd", EachSplatLater, [
+    "sum_pairs", SplatTotals, [
+        read bounds = Bounds, read partials = Partials, write splat_totals = SplatTotals,
+    ] => { SumPairs [] }
+    "project_bwd", SplatsLater, [
         write splat_p = SplatP, write splat_m = SplatM, write splat_v = SplatV, read projected = Projected,
-        write bounds = Bounds, read partials = Partials, write statistics = Statistics, read splat_info = SplatInfo,
+        write bounds = Bounds, read splat_totals = SplatTotals, write statistics = Statistics, read splat_info = SplatInfo,
     ] => {
         ProjectBwd [];
         ProjectBwdGeometry ["GEOMETRY"];

@@ -3,7 +3,7 @@
 
 use super::device::GpuDevice;
 use super::kernels::Buf;
-use super::layout::{BOUNDS_BYTES, PROJECTED_BYTES, SPLAT_SUMS_BYTES, SplatInfo};
+use super::layout::{BOUNDS_BYTES, PAIR_SUMS_GEOMETRY, PROJECTED_BYTES, SPLAT_SUMS_BYTES, SplatInfo};
 use super::resources::Resources;
 use super::shader::GROUP;
 use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TextureMap};
@@ -147,6 +147,10 @@ pub(super) fn derived(device: &GpuDevice, num_splats: usize, num_texels: usize) 
         (Buf::Statistics, device.buffer("window statistics", n, 16)?),
         (Buf::Projected, device.buffer("projected splats", n, PROJECTED_BYTES)?),
         (Buf::Bounds, device.buffer("splat bounds", n, BOUNDS_BYTES)?),
+        (
+            Buf::SplatTotals,
+            device.buffer("sums over the pairs of splats", n, 4 * u64::from(PAIR_SUMS_GEOMETRY))?,
+        ),
         (Buf::SplatSums, device.buffer("sums over splats", n.div_ceil(GROUP.into()), SPLAT_SUMS_BYTES)?),
     ])
 }

@@ -91,6 +91,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "sort_count",
     "sort_scan",
     "sort_scatter",
+    "sum_pairs",
     "tile_emit",
     "tile_ranges",
 ];
@@ -223,6 +224,7 @@ pub fn shared_constants() -> (Named<f64>, Named<u32>) {
         ("GROUPS_TILE_INVOCATIONS", Groups::TileInvocations as u32),
         ("GROUPS_PAIRS", Groups::Pairs as u32),
         ("GROUPS_PAIR_BLOCKS", Groups::PairBlocks as u32),
+        ("GROUPS_SPLAT_TOTALS", Groups::SplatTotals as u32),
     ];
     (floats, integers)
 }

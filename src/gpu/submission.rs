@@ -112,11 +112,11 @@ impl GpuBackend {
             vec![K::LossFwd, K::LossBwd]
         };
         if geometry {
-            kernels.extend([K::GeometryLoss, self.raster.bwd_geometry, K::ProjectBwdGeometry]);
+            kernels.extend([K::GeometryLoss, self.raster.bwd_geometry, K::SumPairs, K::ProjectBwdGeometry]);
             kernels.extend([K::AdamTexel, K::FinishBlocks, K::FinishGeometry]);
         } else {
             let bwd = if statistics { self.raster.bwd_statistics } else { self.raster.bwd };
-            kernels.extend([bwd, K::ProjectBwd, K::AdamTexel, K::FinishBlocks, K::Finish]);
+            kernels.extend([bwd, K::SumPairs, K::ProjectBwd, K::AdamTexel, K::FinishBlocks, K::Finish]);
         }
         out.extend(kernels.into_iter().map(|id| Dispatch::new(id, offsets)));
         out

@@ -163,9 +163,13 @@ pub(super) fn traffic(kernel: KernelId, c: &TrafficCounts) -> Vec<(TrafficItem, 
             let sums = PARTIALS * c.pairs + ATOMIC * c.texel_atomics;
             vec![(I::Backward, scene + (8.0 + 16.0) * c.pixels + sums)]
         }
+        // Number of pairs of all splats, and first slot of visible ones.
+        K::SumPairs => {
+            vec![(I::Backward, WORD * (c.splats + c.visible) + PARTIALS * (c.pairs + c.visible))]
+        }
         K::ProjectBwd => {
-            // Number of pairs, first slot and place of the parameters of all splats; faults of visible ones.
-            let sums = 3.0 * WORD * c.splats + (PROJECTED + WORD) * c.visible + PARTIALS * c.pairs;
+            // Number of pairs and place of the parameters of all splats; faults of visible ones.
+            let sums = 2.0 * WORD * c.splats + (PROJECTED + WORD + PARTIALS) * c.visible;
             let state = STATE * (GEOMETRY * c.splats + c.sh_floats * c.visible);
             vec![(I::Backward, sums), (I::Adam, state)]
         }
