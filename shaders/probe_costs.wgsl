@@ -147,7 +147,8 @@ fn probe_costs(
             added(out + 6u + k, by_map[0][k / 4u][k % 4u]);
         }
     }
-    // The next probe begins with moments of 0.
+    // The next probe begins with moments of 0. All have been read.
+    storageBarrier();
     for (var f = lane; f < num_floats(info.parameters); f += SPLAT_GROUP) {
         splat_m[first + f] = 0.0;
     }

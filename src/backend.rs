@@ -293,7 +293,7 @@ pub trait Backend {
     }
 
     /// Takes probes of the model after the last step, which is then replaced by the model as it is [`probed`], with moments
-    /// of no use. Returns what losing parts of each splat costs, summed over the probes. `[n]`
+    /// and a statistics window of no use. Returns what losing parts of each splat costs, summed over the probes. `[n]`
     ///
     /// # Errors
     /// Those of the probes; [`crate::Error::Device`] if memory or the device fails.
@@ -321,7 +321,7 @@ pub trait Backend {
         requests.iter().map(|request| self.step(request)).collect()
     }
 
-    /// Reads the sums of the window, which begins with an upload or a density-control step, or as set by
+    /// Reads the sums of the window, which begins with an upload, a restored state or a density-control step, or as set by
     /// [`Backend::set_statistics`]. Does not reset them.
     ///
     /// # Errors

@@ -90,7 +90,8 @@ fn compiled(kernel: &Kernel, index: BoundsCheckPolicy) -> Result<Vec<u32>> {
         .map_err(|e| e.emit_to_string(&kernel.text))?;
     let unchecked = BoundsCheckPolicy::Unchecked;
     let options = spv::Options {
-        lang_version: (1, 3),
+        lang_version: (1, 5),
+        emit_int_div_checks: false,
         flags: spv::WriterFlags::empty(),
         force_loop_bounding: false,
         zero_initialize_workgroup_memory: spv::ZeroInitializeWorkgroupMemoryMode::None,

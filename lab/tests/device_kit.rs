@@ -84,7 +84,6 @@ fn the_kit_tests_and_measures_a_device() {
             positive(&bench["per_step"][key], key);
         }
         positive(&bench["first_wall_secs_per_step"], "a step that sends its photo");
-        assert_eq!(bench["per_step"]["photos"], 0.0, "photos stay on the device");
         let pairs = &bench["pairs"];
         let order = ["visited", "evaluated", "inside", "blended"].map(|key| pairs[key].as_f64().unwrap());
         assert!(order.is_sorted_by(|a, b| a >= b) && order[3] > 0.0, "{pairs}");

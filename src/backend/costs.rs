@@ -8,7 +8,7 @@ use crate::model::{Coarsening, Model, SplatArrays, texel_value, texel_value_slop
 pub const AXES: [[bool; 2]; 3] = [[true, true], [true, false], [false, true]];
 
 /// Degrees that a splat of degree 3 could fall to.
-pub const LOWER_DEGREES: usize = 3;
+const LOWER_DEGREES: usize = 3;
 
 /// Numbers of rows or columns on offer at each side of a map.
 const DEPTHS: usize = 3;

@@ -132,10 +132,8 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<FinishedRun> {
     let statistics = || device::open("cpu", log);
     if let Some(max_bytes) = job.config.train.max_bytes {
         let file = FileRounder::new(file_frame(&capture, &job.config), max_bytes, &statistics, &|| true)?;
-        let train = &mut job.config.train;
-        let bound =
-            train.budget.max_params.unwrap_or_else(|| params_for_bytes(file.splat_bytes(), train.steps));
-        train.budget.max_params = Some(bound);
+        let bound = &mut job.config.train.budget.max_params;
+        *bound = bound.or_else(|| Some(params_for_bytes(file.splat_bytes())));
     }
     let mut state = first_state(&mut job, &capture, &mut report, log)?;
     let earlier_secs = state.history.total_wall_secs;

@@ -48,7 +48,7 @@ impl Backend for GpuBackend {
     fn restore(&mut self, saved: &SavedState) -> Result<()> {
         match saved.0.downcast_ref::<Saved>() {
             Some(saved) => saved.restore(self),
-            None => Err(self.device.error("another backend saved this state")),
+            None => Err(usage!("{}: another backend saved this state", self.device.choice.name)),
         }
     }
 

@@ -3,7 +3,7 @@
 
 use super::device::GpuDevice;
 use super::layout::MAX_SIDE_PX;
-use super::layout::{BOUNDS_BYTES, PROJECTED_BYTES};
+use super::layout::{BOUNDS_BYTES, PAIR_SUMS_GEOMETRY, PROJECTED_BYTES};
 use super::model_buffers::{MOST_SPLAT_FLOATS, splat_floats};
 use crate::backend::{DeviceLimits, SceneShape};
 
@@ -22,7 +22,8 @@ pub(super) fn limits(buffer_bytes: u64, shape: SceneShape) -> DeviceLimits {
     let buffer_bytes = buffer_bytes / 16 * 16;
     let most = |bytes: u64, floats: u64| (buffer_bytes / bytes).min(u64::from(u32::MAX) / floats);
     let parameters = splat_floats(shape.sh_degree) as u64;
-    let splat_bytes = (4 * parameters).max(PROJECTED_BYTES).max(BOUNDS_BYTES);
+    let sums_bytes = 4 * u64::from(PAIR_SUMS_GEOMETRY);
+    let splat_bytes = (4 * parameters).max(PROJECTED_BYTES).max(BOUNDS_BYTES).max(sums_bytes);
     let pixel_bytes = if shape.geometry { GEOMETRY_PIXEL_BYTES } else { PIXEL_BYTES };
     DeviceLimits {
         max_side_px: MAX_SIDE_PX,

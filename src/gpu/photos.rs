@@ -197,6 +197,10 @@ impl PhotoPool {
 
     /// Forgets the photos that are used once: their numbers mean others in the next batch.
     fn forget_used(&mut self) {
+        let is_once = |r: &&ResidentPhoto| matches!(r.key.photo, PhotoNumber::Once(_));
+        if let Some(first) = self.resident.iter().find(is_once) {
+            self.next_px = first.first_px;
+        }
         self.resident.retain(|r| matches!(r.key.photo, PhotoNumber::Known(_)));
     }
 
@@ -274,6 +278,10 @@ mod tests {
             assert_eq!(pool.pool.wanted(&[key(0, 30), once(1)], 1_000).1, 100, "as at first");
             let seen = pool.place(&[key(0, 30), once(1), once(2)]);
             assert!(seen >= 2, "{seen}");
+        }
+        for _ in 0..5 {
+            pool.pool.forget_used();
+            assert_eq!(pool.place(&[once(0), once(1)]), 2);
         }
         pool.pool.forget_used();
         assert_eq!(pool.place(&[key(0, 30)]), 0, "the numbered one is still there");

@@ -1,5 +1,6 @@
 //! Copies of the state, kept on the device.
 
+use super::kernels::Buf;
 use super::model_buffers::{self, NewBuffers, STATE};
 use super::state::GpuBackend;
 use crate::Result;
@@ -12,6 +13,8 @@ pub(super) struct Saved {
     shape: Model,
     /// Step and learning rates.
     clock: AdamState,
+    /// Identity of the device.
+    device: usize,
 }
 
 impl Saved {
@@ -25,14 +28,34 @@ impl Saved {
             buffers: model_buffers::copies(&backend.device, &state)?,
             shape: backend.shape.clone(),
             clock: backend.clock.clone(),
+            device: backend.device.id(),
         })
+    }
+
+    /// Whether a model has the same splats and maps, so that its buffers can be filled.
+    fn shape_of(&self, model: &Model) -> bool {
+        self.shape.splats.sh_degrees() == model.splats.sh_degrees()
+            && self.shape.textures.maps == model.textures.maps
     }
 
     /// Puts the state back, completely or not at all.
     ///
     /// # Errors
-    /// [`crate::Error::Device`] if memory fails.
+    /// [`crate::Error::Usage`] if another backend saved it, [`crate::Error::Device`] if memory fails.
     pub(super) fn restore(&self, backend: &mut GpuBackend) -> Result<()> {
+        if backend.device.id() != self.device {
+            return Err(usage!("{}: another backend saved this state", backend.device.choice.name));
+        }
+        if self.shape_of(&backend.shape) {
+            self.buffers.iter().for_each(|(name, saved)| {
+                backend.device.copy(saved, backend.resources.buffer(*name), saved.size());
+            });
+            let statistics = backend.resources.buffer(Buf::Statistics);
+            let zeros = vec![0_u8; statistics.size() as usize];
+            backend.device.queue.write_buffer(statistics, 0, &zeros);
+            backend.adopt(self.shape.clone(), self.clock.clone());
+            return backend.device.check();
+        }
         let mut made = model_buffers::copies(&backend.device, &self.buffers)?;
         made.extend(model_buffers::derived(
             &backend.device,

@@ -137,11 +137,11 @@ impl GpuBackend {
         // The height of tiles is compiled into most kernels: if it changes, none can be kept.
         let keeps = tile_rows_px == self.tile_rows_px
             && checks_indices(&self.device, &options) == checks_indices(&self.device, &self.options);
-        self.options = options;
         let mut missing = raster.without_geometry();
         missing.retain(|id| !keeps || !self.pipelines.contains_key(id));
         let checks_indices = checks_indices(&self.device, &options);
         let compiled = self.device.pipelines(&missing, tile_flags(tile_rows_px), checks_indices)?;
+        self.options = options;
         if !keeps {
             self.pipelines.clear();
             self.resources.forget_groups();

@@ -104,15 +104,10 @@ pub type LengthChange = [u32; 2];
 /// Bytes of the file per parameter at [`params_for_bytes`]; pruned models have 0.37 to 0.42.
 const BYTES_PER_PARAM: f64 = 0.35;
 
-/// Most parameters for each step of a run with a wanted size: more are not trained in its time. Measured at 480 pixels, 1,000
-/// steps: a file of 200 kB of bonsai with 300,000 parameters instead of 560,000 has 0.6 dB of PSNR more and 0.06 dB of
-/// gradient-PSNR less, one of 125 kB of the fox with 300,000 instead of 350,000 0.4 and 0.1 dB more.
-const PARAMS_PER_STEP: usize = 300;
-
-/// Most parameters of a model in training, in so many steps, for a `.ltgs` file with this many bytes for splats; pruning by bytes
-/// leaves fewer (method 10.1).
-pub fn params_for_bytes(splat_bytes: f64, steps: u32) -> usize {
-    ((splat_bytes / BYTES_PER_PARAM) as usize).min(PARAMS_PER_STEP * steps as usize)
+/// Most parameters of a model in training for a `.ltgs` file with this many bytes for splats; pruning by bytes leaves fewer
+/// (method 10.1).
+pub fn params_for_bytes(splat_bytes: f64) -> usize {
+    (splat_bytes / BYTES_PER_PARAM) as usize
 }
 
 /// Settings of a training run.

@@ -48,12 +48,19 @@ impl Targets {
     /// Reduces those photos of these views that are not kept yet, on all cores, as far as there is room for them. Those that
     /// cannot be read are left for [`Self::get`] to report.
     pub fn prepare(&mut self, views: &dyn ViewSource, wanted: &[usize]) {
-        let has_room = self.kept_bytes < self.most_bytes(views);
         let mut missing: Vec<usize> =
             wanted.iter().copied().filter(|&view| self.scale > 1.0 && self.kept[view].is_none()).collect();
         missing.sort_unstable();
         missing.dedup();
-        if missing.len() > 1 && has_room {
+        let mut room = self.most_bytes(views).saturating_sub(self.kept_bytes);
+        missing.retain(|&view| {
+            // Colours and a mask.
+            let bytes = 4 * self.camera(views, view).pinhole.num_pixels() as u64;
+            let fits = bytes <= room;
+            room -= if fits { bytes } else { 0 };
+            fits
+        });
+        if missing.len() > 1 {
             let reduce = |&view: &usize| Some((view, self.reduced(views, view).ok()?));
             let images: Vec<_> = missing.par_iter().filter_map(reduce).collect();
             images.into_iter().for_each(|(view, image)| self.keep(views, view, &image));

@@ -177,8 +177,8 @@ pub struct StepFigures {
     pub steps: u32,
     /// Steps per submission.
     pub batch_steps: usize,
-    /// Wall time of a step whose photo is sent first; `null` without time for it.
-    pub first_wall_secs_per_step: Option<f64>,
+    /// Wall time of a step whose photo is sent first.
+    pub first_wall_secs_per_step: f64,
     /// Wall time of a step whose photo is on the device.
     pub wall_secs_per_step: f64,
     /// CPU time of the process per step; software drivers compute in the process.
@@ -269,8 +269,8 @@ impl BenchRun<'_, '_> {
         self.backend.forget_photos();
         self.next = 1;
         let sending = Instant::now();
-        let sent = self.run_within(0.2, 0, views)?.len() as f64;
-        let first_wall_secs_per_step = (sent > 0.0).then(|| sending.elapsed().as_secs_f64() / sent);
+        let sent = self.run_within(0.2, 1, views)?.len() as f64;
+        let first_wall_secs_per_step = sending.elapsed().as_secs_f64() / sent;
 
         let (work, cpu, wall) = (self.backend.gpu().work(), process_cpu_secs(), Instant::now());
         let measured = self.run_within(0.25, 1, steps)?.len() as u32;

@@ -102,7 +102,9 @@ impl Round {
                 return Ok(Some(Kept { sources, sides, params, texels, predicted, measured }));
             }
         }
-        backend.restore(&before)?;
+        if !tried.is_empty() {
+            backend.restore(&before)?;
+        }
         Ok(None)
     }
 
