@@ -13,7 +13,6 @@ use crate::camera::Camera;
 pub use crate::image::TargetImage;
 pub use crate::model::LearningRates;
 use crate::model::{AdamState, Model};
-pub use comparison::ComparedView;
 pub use costs::{AXES, Costs, Derivatives, costs_of, depths};
 pub use exposure::{ColourMap, ColourSums, NUM_COLOUR_SUMS};
 pub use limits::{DeviceLimits, SceneShape};
@@ -127,7 +126,23 @@ pub struct StepRequest<'a> {
     pub exposure: Option<ColourMap>,
 }
 
-impl StepRequest<'_> {
+impl<'a> StepRequest<'a> {
+    /// A step that moves nothing but the first moments, from 0 to the derivatives of a probe over [`Probe::scale`].
+    pub fn of_probe(probe: &'a Probe) -> Self {
+        Self {
+            step: 1,
+            camera: probe.camera,
+            photo: None,
+            target: &probe.signs,
+            background: probe.background,
+            sh_degree: probe.sh_degree,
+            loss: LossWeights { l1: 1.0, ..LossWeights::NONE },
+            rates: LearningRates::default(),
+            accumulate_statistics: false,
+            exposure: Some(probe.exposure),
+        }
+    }
+
     /// Checks that camera and photo have the same size.
     ///
     /// # Errors
@@ -146,6 +161,22 @@ impl StepRequest<'_> {
             t.rgb.len()
         ))
     }
+}
+
+/// A view to be compared with its photo.
+pub struct ComparedView<'a> {
+    /// Camera of the view.
+    pub camera: Camera,
+    /// Identity of the photo, as in a [`StepRequest`].
+    pub photo: Option<u32>,
+    /// The photo, of the camera's size.
+    pub target: &'a TargetImage,
+    /// Display-space colour behind all splats.
+    pub background: [f32; 3],
+    /// SH degree in use.
+    pub sh_degree: u32,
+    /// The exposure of the photo, by which the image is corrected before the comparison; `None`: not at all.
+    pub exposure: Option<ColourMap>,
 }
 
 /// Values of the loss terms, times their weights. See [`LossWeights`] for the terms.
@@ -289,7 +320,14 @@ pub trait Backend {
     /// # Errors
     /// [`crate::Error::Device`] if memory or the device fails, [`crate::Error::Usage`] if photo and camera differ in size.
     fn squared_errors(&mut self, views: &[ComparedView<'_>]) -> Result<Vec<f64>> {
-        views.iter().map(|view| comparison::squared_error(self, view)).collect()
+        let of_view = |view: &ComparedView<'_>| {
+            let &ComparedView { target, background, sh_degree, .. } = view;
+            let image =
+                self.render(&view.camera, &RenderOptions { background, sh_degree, geometry: false })?;
+            let exposure = view.exposure.unwrap_or(ColourMap::IDENTITY);
+            Ok(comparison::squared_error(&image.rgb, &exposure, target, background))
+        };
+        views.iter().map(of_view).collect()
     }
 
     /// Takes probes of the model after the last step, which is then replaced by the model as it is [`probed`], with moments

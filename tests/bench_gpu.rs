@@ -34,7 +34,7 @@ fn run(
     let request = |step| StepRequest {
         step,
         camera: scene.camera,
-        photo: None,
+        photo: Some(0),
         target: &scene.target,
         background: [0.1, 0.2, 0.3],
         sh_degree: 3,

@@ -6,9 +6,10 @@
 //! not correlate with. The backward pass of any backend serves: the L1 loss against a photo of nothing but 0 and 255 has
 //! such signs as its derivative, if the image stays between them. An exposure sees to that.
 
-use super::{ColourMap, LearningRates, LossWeights, StepRequest, TargetImage};
+use super::exposure::ColourMap;
 use crate::camera::Camera;
 use crate::constants::{ADAM_BETA1, PROBED_LOGIT_MAX, PROBED_TEXEL_MAX};
+use crate::image::TargetImage;
 use crate::model::Model;
 use rand::{Rng as _, SeedableRng as _};
 use rand_pcg::Pcg64Mcg;
@@ -41,22 +42,6 @@ impl Probe {
     /// A probe of a view, with signs by a seed. The photo may have any size: only its mask is needed.
     pub fn new(camera: Camera, photo: &TargetImage, background: [f32; 3], sh_degree: u32, seed: u64) -> Self {
         Self { camera, signs: signs(photo, &camera, seed), background, sh_degree, exposure: BETWEEN }
-    }
-
-    /// A step that moves nothing but the first moments, from 0 to the derivatives over [`Self::scale`].
-    pub fn request(&self) -> StepRequest<'_> {
-        StepRequest {
-            step: 1,
-            camera: self.camera,
-            photo: None,
-            target: &self.signs,
-            background: self.background,
-            sh_degree: self.sh_degree,
-            loss: LossWeights { l1: 1.0, ..LossWeights::NONE },
-            rates: LearningRates::default(),
-            accumulate_statistics: false,
-            exposure: Some(self.exposure),
-        }
     }
 
     /// What first moments are to be multiplied by, so that their squares are mean squared changes of the image.

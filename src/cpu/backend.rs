@@ -212,7 +212,7 @@ impl Backend for CpuBackend {
         for probe in probes {
             let probe = probe?;
             self.adam = AdamState::zeros(&model);
-            self.step(&probe.request())?;
+            self.step(&StepRequest::of_probe(&probe))?;
             let AdamState { splats_m, texels_m, .. } = &self.adam;
             let derivatives = Derivatives { splats: splats_m, texels: texels_m, scale: probe.scale() };
             let each = sums.par_iter_mut().with_min_len(SPLATS_PER_TASK).enumerate();

@@ -45,7 +45,7 @@ fn run(
             break;
         }
         let scales: Vec<f32> = batch.iter().map(Probe::scale).collect();
-        let requests: Vec<StepRequest<'_>> = batch.iter().map(Probe::request).collect();
+        let requests: Vec<StepRequest<'_>> = batch.iter().map(StepRequest::of_probe).collect();
         backend.run(Task::Probe(&scales), &requests)?;
     }
     let costs: Vec<[f32; COSTS]> = backend.device.read(backend.resources.buffer(Buf::Costs), n)?;

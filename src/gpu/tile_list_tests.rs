@@ -4,7 +4,7 @@
 use super::device::UNIFORM_STRIDE;
 use super::harness::Harness;
 use super::kernels::{Buf, Groups, KernelId, NUM_GROUPS};
-use super::layout::{DispatchArgs, Status, StepUniform};
+use super::layout::{DispatchArgs, PAIR_SUMS, Status, StepUniform};
 use super::resources::UniformOffsets;
 use super::shader::{BLOCK, GROUP, MAX_GROUPS};
 use super::sort::{first_args, folded_groups, num_tile_passes, order_and_bin, pair_slots};
@@ -91,6 +91,7 @@ fn workgroup_counts_of_later_dispatches_are_folded() {
             pair_capacity: 1_500_000_000,
             grid: [4096, 4095],
             size_px: [65_536, 1_600],
+            partial_stride: PAIR_SUMS,
             ..StepUniform::default()
         };
         run_prefix(&mut harness, &counts, step);
@@ -105,6 +106,7 @@ fn workgroup_counts_of_later_dispatches_are_folded() {
             (Groups::TileInvocations, num_tiles.div_ceil(GROUP)),
             (Groups::Pairs, total.div_ceil(GROUP)),
             (Groups::PairBlocks, total.div_ceil(BLOCK)),
+            (Groups::SplatTotals, (1500 * PAIR_SUMS).div_ceil(GROUP)),
         ] {
             expected[groups as usize] = folded_groups(count);
         }
@@ -156,6 +158,7 @@ fn step_of(case: &TileListCase, slot: u32, capacity: u32) -> StepUniform {
         grid: grid_of(case.size_px),
         status_slot: slot,
         pair_capacity: capacity,
+        partial_stride: PAIR_SUMS,
         ..StepUniform::default()
     }
 }
