@@ -70,7 +70,7 @@ pub struct Offers<'a> {
 }
 
 impl<'a> Offers<'a> {
-    /// Offers of a model as it was probed, with their costs summed over so many probes. With a sample of the views, nothing is
+    /// Offers of a model as it was probed, with their costs summed over that many probes. With a sample of the views, nothing is
     /// known of splats that hardly any of them sees. A policy that fixes the sizes of maps keeps them.
     pub fn new(
         model: &'a Model,
