@@ -63,7 +63,7 @@ mod with_gpu {
     use litetex_gs::run::{InitSource, fresh_model};
     use litetex_gs::selftest::{SceneOptions, random_scene};
     use litetex_gs::text::format_count;
-    use litetex_gs::train::{Control, Schedule, TrainConfig, evaluate};
+    use litetex_gs::train::{Control, Policy, Schedule, TrainConfig, evaluate};
     use litetex_gs::views::{Split, ViewSource};
     use litetex_gs::{Error, Result};
     use serde::Serialize;
@@ -222,7 +222,8 @@ mod with_gpu {
         let options = LoadOptions { max_resolution: args.max_resolution, ..LoadOptions::default() };
         let capture = Capture::load(&path, &options)?;
         log.report(&capture.report);
-        let config = TrainConfig::default();
+        // Splats of the default policy begin without maps; kernels are measured with those of the published method.
+        let config = TrainConfig { policy: Policy::Paper, ..TrainConfig::default() };
         let first = fresh_model(&capture, &InitSource::Auto, None, &config)?;
         log.report(&first.report);
         let train = capture.indices(Split::Train);
