@@ -17,7 +17,7 @@ pub use costs::{AXES, Costs, Derivatives, costs_of, depths};
 pub use exposure::{ColourMap, ColourSums, NUM_COLOUR_SUMS};
 pub use limits::{DeviceLimits, SceneShape};
 pub use plan::{DensityPlan, Grid, MapChange, SplatEdit};
-pub use probe::{BETWEEN, Probe, probed};
+pub use probe::{BETWEEN, Probe, probe_scale, probed};
 use serde::{Deserialize, Serialize};
 use std::any::Any;
 

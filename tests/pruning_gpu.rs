@@ -69,7 +69,8 @@ fn parts_of_splats_cost_the_same_on_every_driver() {
             let got = costs(&mut gpu, &scene, 0);
             let off = difference(&got, &expected);
             println!("{off:.1e}");
-            assert!(off < 1e-3, "{off:e}");
+            // Needed 5.5e-5: sums in f32.
+            assert!(off < 2e-4, "{off:e}");
             // The same again, whatever was there before.
             assert!(costs(&mut gpu, &scene, 0) == got);
             // Negative control: other signs.
@@ -207,7 +208,7 @@ fn a_round_of_pruning_leaves_the_model_on_the_device() {
         assert!(work.uploads == 0, "the model was sent again");
         // Those of the five probes.
         assert!(work.photos <= 5, "{} photos", work.photos);
-        // Needed 14; an image read for each view, or a wait for each probe, would double them.
+        // Needed 16; an image read for each view, or a wait for each probe, would double them.
         assert!(work.waits <= 20, "{} waits", work.waits);
         // The parameters for density control and again for pruning, 16 bytes of statistics and 88 of costs for each splat.
         let splats = 400 + pruned.splats;
@@ -241,6 +242,7 @@ fn trials_of_merges_send_the_model_twice_at_most() {
     assert!(rounds.iter().any(|(pruned, work)| pruned.merged > 0 && work.uploads > 0));
     for (pruned, work) in &rounds {
         println!("{pruned:?}\n    {work:?}");
-        assert!(work.uploads <= 2 && work.photos <= 5 && work.waits <= 30, "{work:?}");
+        // Needed 1 upload and 19 waits here, where the first trial is good enough; each further one adds 1 and 4.
+        assert!(work.uploads <= 2 && work.photos <= 5 && work.waits <= 24, "{work:?}");
     }
 }

@@ -38,16 +38,22 @@ pub struct Probe {
     pub exposure: ColourMap,
 }
 
+/// What the first moments of a probe of this many values, through an exposure, are multiplied by, so that their squares are mean
+/// squared changes of the image.
+pub fn probe_scale(values: usize, exposure: &ColourMap) -> f32 {
+    let slope = f64::from(exposure.0[0][0]);
+    ((values as f64).sqrt() / (slope * (1.0 - ADAM_BETA1))) as f32
+}
+
 impl Probe {
     /// A probe of a view, with signs by a seed. The photo may have any size: only its mask is needed.
     pub fn new(camera: Camera, photo: &TargetImage, background: [f32; 3], sh_degree: u32, seed: u64) -> Self {
         Self { camera, signs: signs(photo, &camera, seed), background, sh_degree, exposure: BETWEEN }
     }
 
-    /// What first moments are to be multiplied by, so that their squares are mean squared changes of the image.
+    /// The [`probe_scale`] of this probe.
     pub fn scale(&self) -> f32 {
-        let slope = f64::from(self.exposure.0[0][0]);
-        ((self.signs.rgb.len() as f64).sqrt() / (slope * (1.0 - ADAM_BETA1))) as f32
+        probe_scale(self.signs.rgb.len(), &self.exposure)
     }
 }
 

@@ -25,6 +25,7 @@ mod model_buffers;
 mod pace;
 mod photos;
 mod probing;
+mod reading;
 mod resources;
 mod saved;
 mod shader;

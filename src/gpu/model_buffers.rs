@@ -164,14 +164,11 @@ pub(super) const STATE: [Buf; 7] =
 /// # Errors
 /// [`Error::Device`] if they cannot be allocated.
 pub(super) fn copies(device: &GpuDevice, buffers: &NewBuffers) -> Result<NewBuffers> {
-    let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    let mut copies = Vec::new();
-    for (name, buffer) in buffers {
-        let copy = device.buffer("copy of the state", buffer.size() / 16, 16)?;
-        encoder.copy_buffer_to_buffer(buffer, 0, &copy, 0, buffer.size());
-        copies.push((*name, copy));
-    }
-    device.submit(encoder);
+    let copy = |(name, buffer): &(Buf, wgpu::Buffer)| -> Result<(Buf, wgpu::Buffer)> {
+        Ok((*name, device.buffer("copy of the state", buffer.size() / 16, 16)?))
+    };
+    let copies: NewBuffers = buffers.iter().map(copy).collect::<Result<_>>()?;
+    device.copy_all(buffers.iter().zip(&copies).map(|((_, from), (_, to))| (from, to)));
     Ok(copies)
 }
 

@@ -97,7 +97,7 @@ impl PhotoPool {
             let pool = device.buffer("photos, pixels", wanted_px, PIXEL_BYTES)?;
             if self.capacity_px > 0 {
                 // Photos stay where they are.
-                device.copy(resources.buffer(Buf::Photo), &pool, self.capacity_px * PIXEL_BYTES);
+                device.copy_all(std::iter::once((resources.buffer(Buf::Photo), &pool)));
             }
             resources.set(Buf::Photo, pool);
             self.capacity_px = wanted_px;

@@ -44,9 +44,8 @@ fn run(
         if batch.is_empty() {
             break;
         }
-        let scales: Vec<f32> = batch.iter().map(Probe::scale).collect();
         let requests: Vec<StepRequest<'_>> = batch.iter().map(StepRequest::of_probe).collect();
-        backend.run(Task::Probe(&scales), &requests)?;
+        backend.run(Task::Probe, &requests)?;
     }
     let costs: Vec<[f32; COSTS]> = backend.device.read(backend.resources.buffer(Buf::Costs), n)?;
     Ok(costs.iter().map(unpacked).collect())

@@ -33,7 +33,7 @@ impl Saved {
     }
 
     /// Whether a model has the same splats and maps, so that its buffers can be filled.
-    fn shape_of(&self, model: &Model) -> bool {
+    fn has_shape_of(&self, model: &Model) -> bool {
         self.shape.splats.sh_degrees() == model.splats.sh_degrees()
             && self.shape.textures.maps == model.textures.maps
     }
@@ -46,10 +46,9 @@ impl Saved {
         if backend.device.id() != self.device {
             return Err(usage!("{}: another backend saved this state", backend.device.choice.name));
         }
-        if self.shape_of(&backend.shape) {
-            self.buffers.iter().for_each(|(name, saved)| {
-                backend.device.copy(saved, backend.resources.buffer(*name), saved.size());
-            });
+        if self.has_shape_of(&backend.shape) {
+            let pairs = self.buffers.iter().map(|(name, saved)| (saved, backend.resources.buffer(*name)));
+            backend.device.copy_all(pairs);
             let statistics = backend.resources.buffer(Buf::Statistics);
             let zeros = vec![0_u8; statistics.size() as usize];
             backend.device.queue.write_buffer(statistics, 0, &zeros);

@@ -3,7 +3,7 @@
 
 use super::encode::Dispatch;
 use super::kernels::{Buf, KernelId};
-use super::layout::{FLAG_COUNT_ATOMICS, MAX_SIDE_PX, PAIR_SUMS_GEOMETRY, Status, StepUniform};
+use super::layout::{FLAG_COUNT_ATOMICS, MAX_SIDE_PX, PAIR_SUMS_GEOMETRY, Status};
 use super::resources::UniformOffsets;
 use super::sort;
 use super::state::{GpuBackend, PendingStep};
@@ -18,45 +18,20 @@ use std::time::{Duration, Instant};
 const PAIRS_PER_SPLAT: u64 = 8;
 
 /// What the requests of a submission are for.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Task<'a> {
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Task {
     /// Training steps.
     Train,
-    /// Probes, with the factors of their first moments.
-    Probe(&'a [f32]),
-    /// Comparisons of images and photos: nothing moves.
+    /// Probes.
+    Probe,
+    /// Comparisons of images and photos: nothing moves, and the clock stands still.
     Compare,
 }
 
-impl Task<'_> {
-    /// The task without its first requests.
-    fn from(self, done: usize) -> Self {
-        match self {
-            Self::Probe(scales) => Self::Probe(&scales[done..]),
-            other => other,
-        }
-    }
-
-    /// Whether the clock advances.
-    fn steps(self) -> bool {
-        self != Self::Compare
-    }
-}
-
 impl GpuBackend {
-    /// The uniform of a step, adapted to the task that it is for.
-    fn task_uniform(&self, task: Task<'_>, step: StepUniform, slot: usize) -> StepUniform {
-        match task {
-            Task::Train => step,
-            Task::Probe(scales) => StepUniform { probe_scale: scales[slot], ..step },
-            // As an image: parameters are flushed, but not stored.
-            Task::Compare => StepUniform { step: 0, flags: 0, ..step },
-        }
-    }
-
     fn task_dispatches(
         &self,
-        task: Task<'_>,
+        task: Task,
         offsets: UniformOffsets,
         request: &StepRequest<'_>,
     ) -> Vec<Dispatch> {
@@ -64,7 +39,7 @@ impl GpuBackend {
         let (statistics, exposure) = (request.accumulate_statistics, request.exposure.is_some());
         match task {
             Task::Train => self.step_dispatches(offsets, &request.camera, geometry, statistics, exposure),
-            Task::Probe(_) => {
+            Task::Probe => {
                 let mut out = self.step_dispatches(offsets, &request.camera, false, false, exposure);
                 // Before the step is marked as applied.
                 out.insert(out.len() - 1, Dispatch::new(KernelId::ProbeCosts, offsets));
@@ -172,7 +147,7 @@ impl GpuBackend {
     }
 
     /// Runs requests as submissions, which grow the buffers where pairs do not fit. Returns a report for each.
-    pub(super) fn run(&mut self, task: Task<'_>, requests: &[StepRequest<'_>]) -> Result<Vec<StepReport>> {
+    pub(super) fn run(&mut self, task: Task, requests: &[StepRequest<'_>]) -> Result<Vec<StepReport>> {
         self.check()?;
         requests.iter().try_for_each(check_request)?;
         if requests.iter().any(|r| r.loss.needs_geometry()) {
@@ -180,8 +155,7 @@ impl GpuBackend {
         }
         let mut reports = Vec::new();
         while reports.len() < requests.len() {
-            let done = reports.len();
-            let rest = &requests[done..];
+            let rest = &requests[reports.len()..];
             let rest = &rest[..rest.len().min(self.pace.steps())];
             let photos: Vec<_> = rest.iter().map(|r| (r.photo, r.target)).collect();
             let fitting = self.photos.prepare(&self.device, &mut self.resources, &photos)?;
@@ -192,7 +166,7 @@ impl GpuBackend {
                 ..self.needs(batch.iter().map(|r| r.camera), true, statistics)
             };
             self.capacity.ensure(&self.device, &mut self.resources, &needs)?;
-            let statuses = self.submit_steps(task.from(done), batch)?;
+            let statuses = self.submit_steps(task, batch)?;
             for (request, (status, stages)) in batch.iter().zip(statuses) {
                 if status.done == 1 {
                     reports.push(self.report(request, &status, stages));
@@ -212,7 +186,7 @@ impl GpuBackend {
     /// reports of earlier ones are returned.
     fn submit_steps(
         &mut self,
-        task: Task<'_>,
+        task: Task,
         requests: &[StepRequest<'_>],
     ) -> Result<Vec<(Status, KernelTimes)>> {
         let start = Instant::now();
@@ -224,14 +198,17 @@ impl GpuBackend {
         let mut inputs = self.uniform_inputs();
         inputs.pair_capacity = self.capacity.training_pairs as u32;
         for (slot, (request, photo_px)) in requests.iter().zip(photos_px).enumerate() {
-            let uniform =
-                self.task_uniform(task, uniform::step(&inputs, request, photo_px, slot as u32), slot);
-            let counts_atomics = task == Task::Train && self.counts_atomics(request);
-            let flags = uniform.flags | if counts_atomics { FLAG_COUNT_ATOMICS } else { 0 };
-            let offsets = self.set_uniform(slot, &StepUniform { flags, ..uniform });
+            let mut uniform = uniform::step(&inputs, request, photo_px, slot as u32);
+            match task {
+                Task::Train if self.counts_atomics(request) => uniform.flags |= FLAG_COUNT_ATOMICS,
+                // As an image: parameters are flushed, but not stored.
+                Task::Compare => (uniform.step, uniform.flags) = (0, 0),
+                Task::Train | Task::Probe => {}
+            }
+            let offsets = self.set_uniform(slot, &uniform);
             dispatches.extend(self.task_dispatches(task, offsets, request));
             ends.push(dispatches.len());
-            if task.steps() {
+            if task != Task::Compare {
                 (inputs.flushed_step, inputs.flushed_rates) = (request.step, request.rates);
             }
         }
@@ -240,7 +217,7 @@ impl GpuBackend {
             rates: r.rates,
             counts_in_window: r.accumulate_statistics,
         };
-        self.in_flight = requests.iter().filter(|_| task.steps()).map(pending).collect();
+        self.in_flight = requests.iter().filter(|_| task != Task::Compare).map(pending).collect();
         let statuses = self.submit_for_status(&dispatches, requests.len())?;
         let applied = self.count_applied(&statuses);
         let times = match &self.timer {

@@ -4,7 +4,7 @@ use super::layout::{
     FLAG_PERSIST, FLAG_STATISTICS, PAIR_SUMS, PAIR_SUMS_GEOMETRY, PAIR_SUMS_STATISTICS, StepUniform,
 };
 use super::shader::{FIXED_MAX, TILE_PX};
-use crate::backend::{ColourMap, LossWeights, StepRequest};
+use crate::backend::{ColourMap, LossWeights, StepRequest, probe_scale};
 use crate::camera::Camera;
 use crate::constants::{ADAM_BETA1, ADAM_BETA2};
 use crate::model::LearningRates;
@@ -97,7 +97,8 @@ pub(super) fn step(
     let t = f64::from(request.step);
     let num_pixels = request.camera.pinhole.num_pixels() as f64;
     let statistics = if request.accumulate_statistics { FLAG_STATISTICS } else { 0 };
-    let [exposure_row0, exposure_row1, exposure_row2] = request.exposure.unwrap_or(ColourMap::IDENTITY).0;
+    let exposure = request.exposure.unwrap_or(ColourMap::IDENTITY);
+    let [exposure_row0, exposure_row1, exposure_row2] = exposure.0;
     StepUniform {
         exposure_row0,
         exposure_row1,
@@ -115,6 +116,7 @@ pub(super) fn step(
         texture_weight: loss.texture,
         texel_units: (3.0 * num_pixels * FIXED_MAX / gradient_bound(loss)) as f32,
         photo_offset_px,
+        probe_scale: probe_scale(request.target.rgb.len(), &exposure),
         rate_position: rates.position,
         rate_quaternion: rates.quaternion,
         rate_log_scale: rates.log_scale,
