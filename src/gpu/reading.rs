@@ -7,7 +7,7 @@ impl GpuDevice {
     /// Waits for all submitted work and reads the first `count` elements of a buffer.
     ///
     /// # Errors
-    /// [`Error::Device`] if the device was lost, or any command was not carried out.
+    /// [`crate::Error::Device`] if the device was lost, or any command was not carried out.
     pub(super) fn read<T: bytemuck::Pod>(&self, buffer: &wgpu::Buffer, count: usize) -> Result<Vec<T>> {
         let values = self.rescue(buffer, count);
         self.check()?;
@@ -17,7 +17,7 @@ impl GpuDevice {
     /// As [`GpuDevice::read`], but also works after refused commands: for buffers that they leave intact.
     ///
     /// # Errors
-    /// [`Error::Device`] if the device was lost.
+    /// [`crate::Error::Device`] if the device was lost.
     pub(super) fn rescue<T: bytemuck::Pod>(&self, buffer: &wgpu::Buffer, count: usize) -> Result<Vec<T>> {
         let bytes = (count * size_of::<T>()) as u64;
         if bytes == 0 {
@@ -60,7 +60,7 @@ impl GpuDevice {
     /// Reads the first bytes of several buffers with one wait, as floats; also after refused commands, as [`Self::rescue`].
     ///
     /// # Errors
-    /// [`Error::Device`] if the device was lost.
+    /// [`crate::Error::Device`] if the device was lost.
     pub(super) fn rescue_all(&self, buffers: &[(&wgpu::Buffer, u64)]) -> Result<Vec<Vec<f32>>> {
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let mut stagings = Vec::new();
