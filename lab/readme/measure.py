@@ -54,7 +54,8 @@ def export(binary, run_folder, extension, folder):
     file = folder / f"scene.{extension}"
     if extension == "sog":
         plain, back = folder / "scene.ply", folder / "back.ply"
-        run(binary, "-q", "export", run_folder, "-o", plain, "--force", "--device", "cpu")
+        # The way back loses what the file says of its frame: keep the capture's, whose cameras render it.
+        run(binary, "-q", "export", run_folder, "-o", plain, "--force", "--device", "cpu", "--up=-y:-y")
         splat_transform(plain, file)
         splat_transform(file, back)
         return file, with_filter(binary, back, folder)

@@ -135,15 +135,15 @@ fn words(situation: &Situation, plan: &Plan, budget: &str) -> String {
 /// Says what was chosen for the time.
 fn say(job: &TrainJob, situation: &Situation, plan: Plan, log: &Log) {
     let side_px = plan.max_resolution.unwrap_or(situation.side_px);
-    let budget = job.config.train.budget.max_params;
+    let budget = job.config.train.most_params();
     let budget =
         budget.map_or(String::new(), |most| format!(", at most {} parameters", format_count(most as u64)));
     log.event(
         "plan",
         &words(situation, &plan, &budget),
         serde_json::json!({ "time_secs": situation.time_secs, "gone_secs": situation.gone_secs, "steps": plan.steps,
-            "most_steps": plan.most_steps,             "side_px": side_px, "done_secs": plan.done_secs, "end_secs": plan.end_secs, "budget_params":
-            job.config.train.budget.max_params }),
+            "most_steps": plan.most_steps, "side_px": side_px, "done_secs": plan.done_secs, "end_secs": plan.end_secs,
+            "budget_params": job.config.train.most_params() }),
     );
 }
 

@@ -110,6 +110,10 @@ pub fn params_for_bytes(splat_bytes: f64) -> usize {
     (splat_bytes / BYTES_PER_PARAM) as usize
 }
 
+/// Most parameters for each step of a run with a wanted size, of 1,000 steps or more: others are not trained by its end (measured:
+/// lab/choices.md 24).
+const PARAMS_PER_STEP: usize = 300;
+
 /// Settings of a training run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
@@ -201,6 +205,13 @@ impl TrainConfig {
     /// Steps of the run with all changes of its length.
     pub fn last_step(&self) -> u32 {
         self.plan.last().map_or(self.steps, |change| change[1])
+    }
+
+    /// Most parameters of the finished model: its budget, and with a wanted size no more than the steps can train (method 10.1).
+    pub fn most_params(&self) -> Option<usize> {
+        let steps = self.last_step().max(1_000) as usize;
+        let trainable = self.max_bytes.map(|_| PARAMS_PER_STEP.saturating_mul(steps));
+        [self.budget.max_params, trainable].into_iter().flatten().min()
     }
 
     /// Checks the changes of the length: in order, each before the end that it moves.

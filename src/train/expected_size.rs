@@ -51,8 +51,7 @@ impl ExpectedSize {
         let grown = grown.min(config.budget.max_splats.map_or(f64::INFINITY, |most| most as f64));
         let pruned = match schedule.prune_rounds {
             0 => grown,
-            _ => bounded(config.budget.max_params, PARAMS_EACH_PRUNED)
-                .map_or(grown, |pruned| pruned.min(grown)),
+            _ => bounded(config.most_params(), PARAMS_EACH_PRUNED).map_or(grown, |pruned| pruned.min(grown)),
         };
         Self { initial, grown, pruned }
     }

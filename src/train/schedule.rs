@@ -229,7 +229,6 @@ impl Schedule {
     /// Bounds of the model after a step: while it grows, it may exceed the user's budget of parameters, which pruning then
     /// meets.
     pub fn budget(&self, config: &TrainConfig, step: u32) -> Budget {
-        let Budget { max_params, .. } = config.budget;
         let grows = step < self.prune_until || self.rounds_left(step) > 0;
         let overshoot = if grows && self.prune_rounds > 0 {
             config.density.overshoot.unwrap_or(config.policy.spec().overshoot)
@@ -239,7 +238,7 @@ impl Schedule {
         // Without rounds that leave what a file has room for, any model must fit.
         let safe = if config.max_bytes.is_some() && self.prune_rounds == 0 { UNPRUNED_SHARE } else { 1.0 };
         let raised = |most: usize| (most as f64 * overshoot * safe) as usize;
-        Budget { max_params: max_params.map(raised), ..config.budget }
+        Budget { max_params: config.most_params().map(raised), ..config.budget }
     }
 
     /// Whether a density-control step follows a step.
@@ -419,6 +418,29 @@ mod tests {
         let config = TrainConfig { plan: vec![[900, 5_100], [2_000, 4_000]], ..config };
         let of = |done| Schedule::of_run(&config, 30, done).last_step;
         assert_eq!([899, 900, 1_999, 2_000].map(of), [3_000, 5_100, 5_100, 4_000]);
+    }
+
+    #[test]
+    fn a_run_with_a_wanted_size_grows_no_more_than_its_steps_can_train() {
+        let most = |steps, max_params, max_bytes| {
+            let budget = Budget { max_params, ..Budget::default() };
+            let config = TrainConfig { steps, budget, max_bytes, ..TrainConfig::default() };
+            let last = Schedule::new(&config, 43).budget(&config, steps).max_params;
+            assert_eq!(last, config.most_params(), "{steps} steps");
+            last
+        };
+        let [small, large] = [Some(200_000), Some(900_000)];
+        let size = Some(200_000_u64);
+        assert_eq!(
+            [1_000, 2_000, 3_000].map(|steps| most(steps, large, size)),
+            [300_000, 600_000, 900_000].map(Some)
+        );
+        assert_eq!(most(1_000, small, size), small, "a budget below is kept");
+        assert_eq!(most(1_000, large, None), large, "only with a wanted size");
+        // A time that changes the length changes the bound.
+        let longer =
+            TrainConfig { max_bytes: size, steps: 1_000, plan: vec![[500, 2_000]], ..TrainConfig::default() };
+        assert_eq!(longer.most_params(), Some(600_000));
     }
 
     #[test]

@@ -143,7 +143,7 @@ impl Round {
         Self {
             prune_db: density.prune_db,
             floor: 10.0_f64.powf(-density.floor_db / 10.0),
-            budget: config.budget.max_params,
+            budget: config.most_params(),
             max_bytes: None,
             by_need: density.need_db > 0.0,
             rounds_left: schedule.rounds_left(step),
