@@ -56,7 +56,8 @@ export class PageDriver {
         page.on('pageerror', (error) => opened.errors.push(String(error)));
         page.on('request', (request) => opened.requests.push(request.url()));
         if (init) await page.addInitScript(init);
-        await page.goto(url);
+        // A training beside it may keep the processor busy.
+        await page.goto(url, { timeout: 100_000 });
         if (wait) await this.drawn(page);
         return opened;
     }
