@@ -87,8 +87,7 @@ python=$venv/bin/python
 rm -rf "${out:?}/capture" "$out/run" "$out/files" "$out/images"
 mkdir -p "$out/files" "$out/images"
 "$binary" -q sample "$out/capture" --views 20 --size 240x180 --points 3000 --no-truth --text >/dev/null
-# Sized by spacing, splats learn enough SH in these steps for the control that changes its signs.
-"$binary" -q train "$out/capture" -o "$out/run" --device cpu --steps 300 --set start=spacing \
+"$binary" -q train "$out/capture" -o "$out/run" --device cpu --steps 300 \
     --set density.start=50 --set density.texture-start=100 >/dev/null
 files=$out/files
 export_as() { # export_as QUALITY FILE...
