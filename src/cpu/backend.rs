@@ -2,10 +2,9 @@
 
 use super::apply_plan;
 use super::loss::LossBuffers;
-use super::math::BLOCK_PX;
 use super::pipeline::{ViewPipeline, with_regularisers};
 use super::simd::SimdLevel;
-use super::tiles::CPU_TILE_PX;
+use super::tile::{CPU_TILE_PX, place_of};
 use super::update::{flush, update};
 use super::view::ViewF32;
 use crate::backend::{
@@ -123,17 +122,10 @@ impl CpuBackend {
         for tile in 0..self.pipeline.tiles.len() {
             let origin = self.pipeline.tiles.origin_px(tile);
             for pair in self.pipeline.tiles.pairs_of(tile) {
-                let splat = &self.pipeline.splats[pair.splat as usize];
-                let (strip0, strip1) = super::block::strips(splat, origin);
-                for strip in strip0..strip1 {
-                    let (col0, col1) = super::block::strip_span(splat, origin, strip);
-                    let rows = BLOCK_PX[1] * strip..BLOCK_PX[1] * (strip + 1);
-                    let cols = BLOCK_PX[0] * col0..BLOCK_PX[0] * col1;
-                    for (y, x) in rows.flat_map(|y| cols.clone().map(move |x| (y, x))) {
-                        let (px, py) = (origin[0] as usize + x, origin[1] as usize + y);
-                        if px < size[0] && py < size[1] {
-                            out[pair.splat as usize].covered[py * size[0] + px] = true;
-                        }
+                for (y, x) in (0..CPU_TILE_PX).flat_map(|y| (0..CPU_TILE_PX).map(move |x| (y, x))) {
+                    let (px, py) = (origin[0] as usize + x, origin[1] as usize + y);
+                    if px < size[0] && py < size[1] && pair.blocks >> place_of(x, y).0 & 1 == 1 {
+                        out[pair.splat as usize].covered[py * size[0] + px] = true;
                     }
                 }
             }

@@ -6,12 +6,9 @@
 
 use super::math::{BLOCK_PX, LANES, LaneMask, Lanes, exp};
 use super::project::{MapView, ProjectedSplat};
-use super::tiles::CPU_TILE_PX;
-use crate::constants::{ALPHA_MAX, ALPHA_MIN, DENOMINATOR_MIN};
+use super::tile::BLOCK_COLS;
+use crate::constants::{ALPHA_MIN, DENOMINATOR_MIN};
 use fearless_simd::{Select as _, Simd, SimdBase as _, SimdFloat as _};
-
-/// Blocks per strip, a row of blocks of a tile.
-pub(super) const BLOCK_COLS: usize = CPU_TILE_PX / BLOCK_PX[0];
 
 /// Pixel centres of a block, relative to the corner of its first pixel.
 const LANE_X: [f32; LANES] = lane_centres(0);
@@ -25,45 +22,6 @@ const fn lane_centres(axis: usize) -> [f32; LANES] {
         lane += 1;
     }
     out
-}
-
-/// Index of a block's first element in the arrays of a tile, which are laid out block by block.
-#[inline(always)]
-pub(super) fn block_at(strip: usize, col: usize) -> usize {
-    (strip * BLOCK_COLS + col) * LANES
-}
-
-/// Index of pixel (x, y) in the arrays of a tile.
-pub(super) fn element_of(x: usize, y: usize) -> usize {
-    block_at(y / BLOCK_PX[1], x / BLOCK_PX[0]) + (y % BLOCK_PX[1]) * BLOCK_PX[0] + x % BLOCK_PX[0]
-}
-
-/// Half-open range of the blocks of a strip that a splat may touch.
-#[inline(always)]
-pub(super) fn strip_span(splat: &ProjectedSplat, origin_px: [i32; 2], strip: usize) -> (usize, usize) {
-    let b = &splat.bounds;
-    let y = origin_px[1] + (BLOCK_PX[1] * strip) as i32;
-    let (mut first, mut past) = (i32::MAX, i32::MIN);
-    for y in y.max(b.y0)..(y + BLOCK_PX[1] as i32).min(b.y1) {
-        let row = b.row_span(y);
-        first = first.min(row.0);
-        past = past.max(row.1);
-    }
-    first = first.max(origin_px[0]);
-    past = past.min(origin_px[0] + CPU_TILE_PX as i32);
-    if first >= past {
-        return (0, 0);
-    }
-    let block = |x: i32| (x - origin_px[0]) as usize / BLOCK_PX[0];
-    (block(first), block(past - 1) + 1)
-}
-
-/// Half-open range of the strips of a tile that a splat may touch.
-#[inline(always)]
-pub(super) fn strips(splat: &ProjectedSplat, origin_px: [i32; 2]) -> (usize, usize) {
-    let first = (splat.bounds.y0 - origin_px[1]).max(0) as usize / BLOCK_PX[1];
-    let past = (splat.bounds.y1 - origin_px[1]).clamp(0, CPU_TILE_PX as i32) as usize;
-    (first, past.div_ceil(BLOCK_PX[1]))
 }
 
 /// Constants of a splat for the kernels, relative to a tile.
@@ -88,7 +46,6 @@ pub(super) struct BlockHit<S: Simd> {
     /// Coordinates on the surfel in which the falloff is round.
     pub a: Lanes<S>,
     pub b: Lanes<S>,
-    pub falloff: Lanes<S>,
     /// Opacity times falloff, before the clamp; 0 outside the mask.
     pub raw_alpha: Lanes<S>,
     /// Whether raw_alpha >= 1/255 and the hit is beyond the near plane.
@@ -110,10 +67,11 @@ impl SplatInTile {
     }
 
     #[inline(always)]
-    pub(super) fn hit<S: Simd>(&self, simd: S, strip: usize, col: usize) -> BlockHit<S> {
+    pub(super) fn hit<S: Simd>(&self, simd: S, block: usize) -> BlockHit<S> {
+        let (row, col) = (block / BLOCK_COLS, block % BLOCK_COLS);
         let c = |v: f32| Lanes::splat(simd, v);
         let dx = Lanes::load_array(simd, LANE_X) + (self.offset_px[0] + (BLOCK_PX[0] * col) as f32);
-        let dy = Lanes::load_array(simd, LANE_Y) + (self.offset_px[1] + (BLOCK_PX[1] * strip) as f32);
+        let dy = Lanes::load_array(simd, LANE_Y) + (self.offset_px[1] + (BLOCK_PX[1] * row) as f32);
         let denominator = dx.mul_add(c(self.g[0]), dy.mul_add(c(self.g[1]), c(1.0)));
         let in_front =
             denominator.simd_ge(DENOMINATOR_MIN as f32) & denominator.simd_le(self.max_denominator);
@@ -126,14 +84,8 @@ impl SplatInTile {
         let alpha = falloff * self.opacity;
         let inside = in_front & alpha.simd_ge(ALPHA_MIN as f32);
         let raw_alpha = inside.select(alpha, c(0.0));
-        BlockHit { dx, dy, denominator, per_denominator, a, b, falloff, raw_alpha, inside }
+        BlockHit { dx, dy, denominator, per_denominator, a, b, raw_alpha, inside }
     }
-}
-
-/// Alpha after the clamp.
-#[inline(always)]
-pub(super) fn clamped_alpha<S: Simd>(hit: &BlockHit<S>) -> Lanes<S> {
-    hit.raw_alpha.min(ALPHA_MAX as f32)
 }
 
 /// Texture coordinates of a block and the texels that its taps touch.

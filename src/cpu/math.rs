@@ -17,21 +17,21 @@ type LaneInts<S> = i32x16<S>;
 /// e^x for x in [-80, 80], with a relative error below 2e-7 (measured in the test).
 #[inline(always)]
 pub(super) fn exp<S: Simd>(simd: S, x: Lanes<S>) -> Lanes<S> {
-    // 2^(n + f), f in [-1/2, 1/2]; Taylor coefficients of 2^f.
-    let scaled = x * std::f32::consts::LOG2_E;
-    let n = scaled.round_ties_even();
-    // Splitting ln 2 in two keeps the reduced argument x - n ln 2 accurate.
-    let f = n.mul_add(-1.428_606_8e-6, n.mul_add(-0.693_145_75, x));
     let c = |v: f32| Lanes::splat(simd, v);
+    // 2^(n + f), f in [-1/2, 1/2]. Floats of this size are whole numbers: the sum rounds, and its lowest bits are those of n.
+    let whole = c(12_582_912.0);
+    let rounded = x.mul_add(c(std::f32::consts::LOG2_E), whole);
+    let n = rounded - whole;
+    // Splitting ln 2 in two keeps the reduced argument x - n ln 2 accurate.
+    let f = n.mul_add(c(-1.428_606_8e-6), n.mul_add(c(-0.693_145_75), x));
+    // Taylor coefficients in pairs: a shorter chain of dependent operations than one by one.
+    let square = f * f;
     let mut p = f.mul_add(c(1.0 / 720.0), c(1.0 / 120.0));
-    p = p.mul_add(f, c(1.0 / 24.0));
-    p = p.mul_add(f, c(1.0 / 6.0));
-    p = p.mul_add(f, c(0.5));
+    p = p.mul_add(square, f.mul_add(c(1.0 / 24.0), c(1.0 / 6.0)));
+    p = p.mul_add(square, f.mul_add(c(0.5), c(1.0)));
     p = p.mul_add(f, c(1.0));
-    p = p.mul_add(f, c(1.0));
-    let exponent: LaneInts<S> = n.to_int();
-    let power: Lanes<S> = ((exponent + 127) << 23).bitcast();
-    p * power
+    let (exponent, p): (LaneInts<S>, LaneInts<S>) = (rounded.bitcast(), p.bitcast());
+    (p + (exponent << 23)).bitcast()
 }
 
 /// `tanh(t / 2)`.

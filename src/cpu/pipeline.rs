@@ -1,16 +1,17 @@
 //! Runs the passes over a view: projection, tiles, forward, loss, backward. Each pass is in its own file; this module
 //! passes data between them and distributes the work over threads.
 
-use super::block::element_of;
 use super::exposure::{exposure_bwd, exposure_fwd};
 use super::geometry::{Coefficients, PixelSums, geometry_loss};
 use super::loss::{LossBuffers, image_loss};
-use super::math::texel_values;
+use super::math::{LANES, texel_values};
 use super::project::{ProjectedSplat, base_colours, project_all};
-use super::raster_bwd::{HEADER_FLOATS, TileGradient, raster_bwd};
-use super::raster_fwd::{TileGeometry, TileInput, TileOutput, raster_fwd};
+use super::raster_bwd::{ReplayBlock, TileGradient, raster_bwd};
+use super::raster_fwd::{OutputBlock, TileGeometry, TileInput, TileOutput, raster_fwd};
 use super::simd::dispatch;
-use super::tiles::{CPU_TILE_PX, TILE_PIXELS, Tiles, build_tiles};
+use super::sums::HEADER_FLOATS;
+use super::tile::{BLOCKS, CPU_TILE_PX, place_of};
+use super::tiles::{Tiles, build_tiles};
 use super::update::UpdateInput;
 use super::view::ViewF32;
 use crate::backend::{ColourSums, LossValues, RasterCounters, RenderedImage, StepRequest};
@@ -121,12 +122,13 @@ impl ViewPipeline {
         self.outputs = outputs;
     }
 
-    /// Calls `f(output of the tile, tile, element within the tile, x)` for each pixel of an image row.
-    fn for_row(&self, y: usize, width: usize, mut f: impl FnMut(&TileOutput, usize, usize, usize)) {
+    /// Calls `f(output of the block, [tile, block, lane], x)` for each pixel of an image row.
+    fn for_row(&self, y: usize, width: usize, mut f: impl FnMut(&OutputBlock, [usize; 3], usize)) {
         let row = y / CPU_TILE_PX * self.tiles.grid[0];
         for x in 0..width {
             let tile = row + x / CPU_TILE_PX;
-            f(&self.outputs[tile], tile, element_of(x % CPU_TILE_PX, y % CPU_TILE_PX), x);
+            let (block, lane) = place_of(x % CPU_TILE_PX, y % CPU_TILE_PX);
+            f(&self.outputs[tile].blocks[block], [tile, block, lane], x);
         }
     }
 
@@ -143,17 +145,17 @@ impl ViewPipeline {
             normal: vec![0.0; if geometry.is_some() { 3 * n } else { 0 }],
         };
         for y in 0..height as usize {
-            self.for_row(y, w, |out, tile, at, x| {
+            self.for_row(y, w, |out, [tile, block, lane], x| {
                 let pixel = y * w + x;
-                let t = out.transmittance[at];
-                (0..3).for_each(|c| image.rgb[3 * pixel + c] = out.rgb[c][at] + t * background[c]);
+                let t = out.transmittance(lane);
+                (0..3).for_each(|c| image.rgb[3 * pixel + c] = out.rgb[c][lane] + t * background[c]);
                 image.alpha[pixel] = 1.0 - t;
                 if let Some(geometry) = geometry {
                     let g = &geometry[tile];
-                    let normal = [0, 1, 2].map(|c| g.normal[c][at]);
+                    let normal = [0, 1, 2].map(|c| g.normal[c][block][lane]);
                     let length = super::math::dot(normal, normal).sqrt();
                     if t < 1.0 {
-                        image.depth[pixel] = g.depth[at] / (1.0 - t);
+                        image.depth[pixel] = g.depth[block][lane] / (1.0 - t);
                     }
                     if length > 0.0 {
                         (0..3).for_each(|c| image.normal[3 * pixel + c] = normal[c] / length);
@@ -178,11 +180,11 @@ impl ViewPipeline {
         let [r, g, b] = &mut buffers.image;
         let rows = (r.par_chunks_mut(w), g.par_chunks_mut(w), b.par_chunks_mut(w)).into_par_iter();
         rows.enumerate().for_each(|(y, (r, g, b))| {
-            self.for_row(y, w, |out, _, at, x| {
-                let t = out.transmittance[at];
-                r[x] = out.rgb[0][at] + t * request.background[0];
-                g[x] = out.rgb[1][at] + t * request.background[1];
-                b[x] = out.rgb[2][at] + t * request.background[2];
+            self.for_row(y, w, |out, [_, _, lane], x| {
+                let t = out.transmittance(lane);
+                r[x] = out.rgb[0][lane] + t * request.background[0];
+                g[x] = out.rgb[1][lane] + t * request.background[1];
+                b[x] = out.rgb[2][lane] + t * request.background[2];
             });
         });
         let target = request.target;
@@ -214,10 +216,9 @@ impl ViewPipeline {
         let w = image.width_px as usize;
         let mut sums: Vec<PixelSums> = vec![[0.0; 5]; image.alpha.len()];
         for (y, row) in sums.chunks_mut(w).enumerate() {
-            self.for_row(y, w, |_, tile, at, x| {
-                let g = &self.geometry[tile];
-                row[x] =
-                    [g.moments[0][at], g.moments[1][at], g.normal[0][at], g.normal[1][at], g.normal[2][at]];
+            self.for_row(y, w, |_, [tile, block, lane], x| {
+                let TileGeometry { moments: [m1, m2], normal: [n_x, n_y, n_z], .. } = &self.geometry[tile];
+                row[x] = [m1, m2, n_x, n_y, n_z].map(|plane| plane[block][lane]);
             });
         }
         let pinhole = &request.camera.pinhole;
@@ -253,12 +254,12 @@ impl ViewPipeline {
             if input.pairs.is_empty() {
                 return;
             }
-            let gradient = self.tile_gradient(tile, buffers);
+            let mut gradient = self.tile_gradient(tile, buffers);
             let (out, background) = (&self.outputs[tile], request.background);
             if request.accumulate_statistics {
-                dispatch!(level, simd => raster_bwd::<_, true>(simd, &input, out, &gradient, background, base, partials, lanes));
+                dispatch!(level, simd => raster_bwd::<_, true>(simd, &input, out, &mut gradient, background, base, partials, lanes));
             } else {
-                dispatch!(level, simd => raster_bwd::<_, false>(simd, &input, out, &gradient, background, base, partials, lanes));
+                dispatch!(level, simd => raster_bwd::<_, false>(simd, &input, out, &mut gradient, background, base, partials, lanes));
             }
         });
     }
@@ -266,15 +267,15 @@ impl ViewPipeline {
     fn tile_gradient(&self, tile: usize, buffers: &LossBuffers) -> TileGradient {
         let [width, height] = self.view.map_or([0, 0], |v| v.size_px.map(|s| s as usize));
         let origin = self.tiles.origin_px(tile).map(|o| o as usize);
-        let mut out = TileGradient { rgb: [[0.0; TILE_PIXELS]; 3], loss: [0.0; TILE_PIXELS], geometry: None };
-        let mut planes = (!self.coefficients.is_empty()).then(|| Box::new([[0.0; TILE_PIXELS]; 6]));
+        let mut out = TileGradient { blocks: [ReplayBlock::ZERO; BLOCKS], geometry: None };
+        let mut planes = (!self.coefficients.is_empty()).then(|| Box::new([[[0.0; LANES]; BLOCKS]; 6]));
         for y in origin[1]..height.min(origin[1] + CPU_TILE_PX) {
             for x in origin[0]..width.min(origin[0] + CPU_TILE_PX) {
-                let (at, pixel) = (element_of(x - origin[0], y - origin[1]), y * width + x);
-                (0..3).for_each(|c| out.rgb[c][at] = buffers.image[c][pixel]);
-                out.loss[at] = buffers.map[pixel];
+                let ((block, lane), pixel) = (place_of(x - origin[0], y - origin[1]), y * width + x);
+                (0..3).for_each(|c| out.blocks[block].rgb[c][lane] = buffers.image[c][pixel]);
+                out.blocks[block].loss[lane] = buffers.map[pixel];
                 if let Some(planes) = &mut planes {
-                    (0..6).for_each(|k| planes[k][at] = self.coefficients[pixel][k]);
+                    (0..6).for_each(|k| planes[k][block][lane] = self.coefficients[pixel][k]);
                 }
             }
         }

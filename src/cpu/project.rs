@@ -113,6 +113,12 @@ impl Footprint {
 }
 
 impl MapView {
+    /// Whether the splat has a map; most have none.
+    #[inline(always)]
+    pub(super) fn has_texels(&self) -> bool {
+        self.rows > 0
+    }
+
     fn new(
         map: &TextureMap,
         scales: [f32; 2],

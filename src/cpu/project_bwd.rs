@@ -3,7 +3,8 @@
 
 use super::math::{cross, dot};
 use super::project::{ProjectedSplat, Spread, sh_basis, sh_basis_derivative, view_direction};
-use super::raster_bwd::{HEADER_FLOATS, Sum};
+use super::screen_bwd::{ScreenSums, screen_bwd};
+use super::sums::{HEADER_FLOATS, Sum};
 use super::view::ViewF32;
 use crate::constants::sh_coefficients;
 use crate::model::Model;
@@ -32,8 +33,9 @@ pub(super) fn project_bwd(
     let s = |sum: Sum| sums[sum as usize];
     let i = splat.id as usize;
     let sh_degree = sh_degree.min(model.splats.sh_degrees()[i].into());
-    let screen = filter_bwd(splat, sums, view);
-    let (by_centre, by_axes) = map_bwd(splat, sums, &screen, view);
+    let by_pixels = screen_bwd(splat, sums, view);
+    let screen = filter_bwd(splat, sums, &by_pixels, view);
+    let (by_centre, by_axes) = map_bwd(splat, sums, &by_pixels, &screen, view);
     let mut out = SplatGradient {
         position: view.rotate_back(by_centre),
         quaternion: [0.0; 4],
@@ -72,7 +74,12 @@ struct ScreenGradient {
 
 /// From the filtered coordinates back to standard deviations, with what passes through the filter itself: its covariance on
 /// the surfel follows from the map, and the opacity is divided by the root of the spread's determinant.
-fn filter_bwd(splat: &ProjectedSplat, sums: &[f32; HEADER_FLOATS], view: &ViewF32) -> ScreenGradient {
+fn filter_bwd(
+    splat: &ProjectedSplat,
+    sums: &[f32; HEADER_FLOATS],
+    by_pixels: &ScreenSums,
+    view: &ViewF32,
+) -> ScreenGradient {
     let s = |sum: Sum| sums[sum as usize];
     let Spread { u_a, v_a, v_b } = splat.spread;
     let by_thinning = s(Sum::Opacity) * splat.opacity;
@@ -86,8 +93,7 @@ fn filter_bwd(splat: &ProjectedSplat, sums: &[f32; HEADER_FLOATS], view: &ViewF3
     // The map from pixels to standard deviations.
     let a = splat.a.map(|v| u_a * v);
     let b = [0, 1].map(|k| v_a * splat.a[k] + v_b * splat.b[k]);
-    let numerator_a = [s(Sum::UX), s(Sum::UY)];
-    let numerator_b = [s(Sum::VX), s(Sum::VY)];
+    let (numerator_a, numerator_b) = (by_pixels.a, by_pixels.b);
     ScreenGradient {
         a: [0, 1].map(|k| (numerator_a[k] - numerator_b[k] * v_a / v_b) / u_a + f * (uu * a[k] + uv * b[k])),
         b: [0, 1].map(|k| numerator_b[k] / v_b + f * (uv * a[k] + vv * b[k])),
@@ -99,6 +105,7 @@ fn filter_bwd(splat: &ProjectedSplat, sums: &[f32; HEADER_FLOATS], view: &ViewF3
 fn map_bwd(
     splat: &ProjectedSplat,
     sums: &[f32; HEADER_FLOATS],
+    by_pixels: &ScreenSums,
     screen: &ScreenGradient,
     view: &ViewF32,
 ) -> ([f32; 3], [[f32; 3]; 3]) {
@@ -116,14 +123,13 @@ fn map_bwd(
         + screen.a[1] * u_a * splat.a[1]
         + screen.b[0] * (v_a * splat.a[0] + v_b * splat.b[0])
         + screen.b[1] * (v_a * splat.a[1] + v_b * splat.b[1])
-        + s(Sum::DX) * splat.g[0]
-        + s(Sum::DY) * splat.g[1];
+        + by_pixels.g[0] * splat.g[0]
+        + by_pixels.g[1] * splat.g[1];
     let by_w0 = -along / w0;
-    let by_g = numerator(s(Sum::DX), s(Sum::DY));
+    let by_g = numerator(by_pixels.g[0], by_pixels.g[1]);
     let direct = [Sum::NormalX, Sum::NormalY, Sum::NormalZ].map(s);
     let by_n = [0, 1, 2].map(|k| by_g[k] + by_w0 * p[k] / p[2] + direct[k]);
-    let centre_px =
-        [0, 1].map(|k| -(splat.a[k] * s(Sum::U) + splat.b[k] * s(Sum::V) + splat.g[k] * s(Sum::D)));
+    let centre_px = by_pixels.centre_px;
     let by_projection = [
         centre_px[0] * fx / p[2],
         centre_px[1] * fy / p[2],

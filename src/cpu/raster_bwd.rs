@@ -3,92 +3,43 @@
 //! texels. Unlike fixed-point atomics, these neither quantise nor saturate, and they are faster (measured for
 //! 25,000 pairs of 4 x 4 maps: 1.0 ms per step to write and gather, 3.5 ms to add uncontended i32 atomics).
 
-use super::block::{
-    BlockHit, BlockTaps, SplatInTile, block_at, block_taps, clamped_alpha, overlap_slope, residual,
-    splat_rgb, strip_span, strips,
-};
+use super::block::{BlockHit, BlockTaps, SplatInTile, block_taps, overlap_slope, residual, splat_rgb};
 use super::math::{LANES, LaneMask, Lanes};
 use super::project::{MapView, ProjectedSplat};
-use super::raster_fwd::{TileInput, TileOutput, TilePlane};
-use super::tiles::{TILE_PIXELS, TexelWindow};
+use super::raster_fwd::{TileInput, TileOutput};
+use super::sums::{FIRST_RARE, HEADER_FLOATS, LaneSums, Sum, Sums};
+use super::tile::{BLOCKS, BlockSet, TilePlane, take_first};
+use super::tiles::TexelWindow;
 use crate::constants::ALPHA_MAX;
-use fearless_simd::{Select as _, Simd, SimdBase as _, SimdFloat as _, SimdMask as _};
-
-/// Sums over the pixels of a pair; (dx, dy) is a pixel's offset from the projected centre.
-#[derive(Clone, Copy, Debug)]
-#[repr(usize)]
-pub(super) enum Sum {
-    /// 1 if any pixel contributed; otherwise 0, and the rest of the record is not written.
-    Touched,
-    /// Derivative with respect to the first coordinate, over the denominator: the sum, times dx, times dy.
-    U,
-    UX,
-    UY,
-    /// As `U`, by the second coordinate.
-    V,
-    VX,
-    VY,
-    /// Derivative with respect to the denominator: the sum, times dx, times dy.
-    D,
-    DX,
-    DY,
-    /// Derivative with respect to the exponent, times products of the coordinates.
-    ExponentAA,
-    ExponentAB,
-    ExponentBB,
-    /// By the opacity after the filter.
-    Opacity,
-    Red,
-    Green,
-    Blue,
-    /// By the centre's depth and the normal, through the distortion and normal terms.
-    Depth,
-    NormalX,
-    NormalY,
-    NormalZ,
-    Pixels,
-    Weight,
-    Error,
-    /// Number of sums. The texel sums of the pair's window follow, `[rows, cols, 3]`.
-    Len,
-}
-
-/// Fixed part of a pair's partial sums.
-pub(super) const HEADER_FLOATS: usize = Sum::Len as usize;
+use fearless_simd::{Select as _, Simd, SimdBase as _, SimdFloat as _};
 
 /// Derivatives of the loss with respect to the pixels of a tile, and the loss per pixel.
 pub(super) struct TileGradient {
-    /// By colour.
-    pub rgb: [TilePlane; 3],
-    /// Loss per pixel, for the window statistics.
-    pub loss: TilePlane,
+    pub blocks: [ReplayBlock; BLOCKS],
     /// Coefficients of the distortion and normal terms, one plane each, if they are on.
     pub geometry: Option<Box<[TilePlane; 6]>>,
 }
 
-/// State of a tile's pixels on the way back to front.
-struct Replay<'a> {
+/// Derivatives of a block of pixels, and their state on the way back to front.
+#[derive(Clone, Copy)]
+#[repr(align(64))]
+pub(super) struct ReplayBlock {
+    /// Derivative of the loss by colour.
+    pub rgb: [[f32; LANES]; 3],
+    /// Loss per pixel, for the window statistics.
+    pub loss: [f32; LANES],
     /// Transmittance behind the next splat to visit.
-    transmittance: TilePlane,
+    transmittance: [f32; LANES],
     /// Sum of weight times the derivative with respect to weight, over the samples behind.
-    behind: TilePlane,
-    last: &'a TilePlane,
-    gradient: &'a TileGradient,
+    behind: [f32; LANES],
+    last: [f32; LANES],
 }
 
-/// Sums of a pair, per lane.
-struct Sums<S: Simd>([Lanes<S>; HEADER_FLOATS]);
-
-impl<S: Simd> Sums<S> {
-    #[inline(always)]
-    fn add(&mut self, sum: Sum, value: Lanes<S>) {
-        self.0[sum as usize] += value;
-    }
-
-    #[inline(always)]
-    fn mul_add(&mut self, sum: Sum, x: Lanes<S>, y: Lanes<S>) {
-        self.0[sum as usize] = x.mul_add(y, self.0[sum as usize]);
-    }
+impl ReplayBlock {
+    pub(super) const ZERO: Self = {
+        let zero = [0.0; LANES];
+        Self { rgb: [zero; 3], loss: zero, transmittance: zero, behind: zero, last: zero }
+    };
 }
 
 /// Runs the backward pass over a tile. `partials` starts at the first record of the tile, `partial_base` floats after
@@ -99,194 +50,209 @@ pub(super) fn raster_bwd<S: Simd, const STATS: bool>(
     simd: S,
     input: &TileInput<'_>,
     forward: &TileOutput,
-    gradient: &TileGradient,
+    gradient: &mut TileGradient,
     background: [f32; 3],
     partial_base: usize,
     partials: &mut [f32],
     lanes: &mut Vec<[f32; LANES]>,
 ) {
-    let mut replay = Replay {
-        transmittance: forward.transmittance,
-        behind: [0.0; TILE_PIXELS],
-        last: &forward.last,
-        gradient,
-    };
-    for i in 0..TILE_PIXELS {
-        let by_background: f32 = (0..3).map(|k| gradient.rgb[k][i] * background[k]).sum();
-        replay.behind[i] = by_background * forward.transmittance[i];
+    for (block, out) in gradient.blocks.iter_mut().zip(&forward.blocks) {
+        block.last = out.last;
+        for i in 0..LANES {
+            let by_background: f32 = (0..3).map(|k| block.rgb[k][i] * background[k]).sum();
+            block.transmittance[i] = out.transmittance(i);
+            block.behind[i] = by_background * block.transmittance[i];
+        }
     }
     for (index, pair) in input.pairs.iter().enumerate().rev() {
         let record = &mut partials[pair.partial - partial_base..];
-        record[Sum::Touched as usize] = 0.0;
-        if index >= forward.used_pairs {
+        let blended = forward.blended.get(index).map_or(0, |blocks| *blocks);
+        if blended == 0 {
+            record[Sum::Touched as usize] = 0.0;
             continue;
         }
         let splat = &input.splats[pair.splat as usize];
+        let has_texels = splat.map.has_texels();
         lanes.clear();
-        lanes.resize(3 * pair.window.len(), [0.0; LANES]);
-        let mut sums = Sums([Lanes::splat(simd, 0.0); HEADER_FLOATS]);
-        let touched =
-            pair_bwd::<S, STATS>(simd, input, splat, index, &mut replay, &pair.window, &mut sums, lanes);
-        if !touched {
-            continue;
+        if has_texels || gradient.geometry.is_some() {
+            lanes.resize(HEADER_FLOATS - FIRST_RARE + 3 * pair.window.len(), [0.0; LANES]);
         }
-        for (out, sum) in record.iter_mut().zip(&sums.0) {
-            *out = sum.reduce_sum();
-        }
-        record[Sum::Touched as usize] = 1.0;
-        for (out, lanes) in record[HEADER_FLOATS..].iter_mut().zip(lanes.iter()) {
+        let rare = LaneSums(lanes);
+        let sums = if has_texels {
+            pair_bwd::<S, STATS, true>(simd, input, splat, index, blended, gradient, &pair.window, rare)
+        } else {
+            pair_bwd::<S, STATS, false>(simd, input, splat, index, blended, gradient, &pair.window, rare)
+        };
+        sums.store(splat.opacity, record);
+        record[FIRST_RARE..HEADER_FLOATS].fill(0.0);
+        for (out, lanes) in record[FIRST_RARE..].iter_mut().zip(lanes.iter()) {
             *out = Lanes::load_array_ref(simd, lanes).reduce_sum();
         }
     }
 }
 
+/// `TEXELS`: whether the splat has a map.
 #[allow(clippy::too_many_arguments, reason = "inlined into its only caller; split for reading")]
 #[inline(always)]
-fn pair_bwd<S: Simd, const STATS: bool>(
+fn pair_bwd<S: Simd, const STATS: bool, const TEXELS: bool>(
     simd: S,
     input: &TileInput<'_>,
     splat: &ProjectedSplat,
     index: usize,
-    replay: &mut Replay<'_>,
+    mut blended_blocks: BlockSet,
+    gradient: &mut TileGradient,
     window: &TexelWindow,
-    sums: &mut Sums<S>,
-    lanes: &mut [[f32; LANES]],
-) -> bool {
+    mut rare: LaneSums<'_>,
+) -> Sums<S> {
     let in_tile = SplatInTile::new(splat, input.origin_px, input.near);
     let map_texels = &input.texels[splat.map.first as usize..];
-    let mut touched = false;
-    let (strip0, strip1) = strips(splat, input.origin_px);
-    for strip in strip0..strip1 {
-        let (col0, col1) = strip_span(splat, input.origin_px, strip);
-        for col in col0..col1 {
-            let at = block_at(strip, col)..block_at(strip, col) + LANES;
-            let last = Lanes::from_slice(simd, &replay.last[at.clone()]);
-            let visited = last.simd_ge(index as f32);
-            if !visited.any_true() {
-                continue;
-            }
-            let hit = in_tile.hit(simd, strip, col);
-            let blended = hit.inside & visited;
-            if !blended.any_true() {
-                continue;
-            }
-            touched = true;
-            block_bwd::<S, STATS>(
-                simd, splat, &in_tile, &hit, blended, at, replay, map_texels, window, sums, lanes,
-            );
-        }
+    let mut sums = Sums::zero(simd);
+    while blended_blocks != 0 {
+        let block = take_first(&mut blended_blocks);
+        let hit = in_tile.hit(simd, block);
+        let last = Lanes::load_array_ref(simd, &gradient.blocks[block].last);
+        let blended = hit.inside & last.simd_ge(index as f32);
+        block_bwd::<S, STATS, TEXELS>(
+            simd, splat, &in_tile, &hit, blended, block, gradient, map_texels, window, &mut sums, &mut rare,
+        );
     }
-    touched
+    sums
 }
 
 #[allow(clippy::too_many_arguments, reason = "inlined into its only caller; split for reading")]
 #[inline(always)]
-fn block_bwd<S: Simd, const STATS: bool>(
+fn block_bwd<S: Simd, const STATS: bool, const TEXELS: bool>(
     simd: S,
     splat: &ProjectedSplat,
     in_tile: &SplatInTile,
     hit: &BlockHit<S>,
     blended: LaneMask<S>,
-    at: std::ops::Range<usize>,
-    replay: &mut Replay<'_>,
+    block: usize,
+    gradient: &mut TileGradient,
     map_texels: &[f32],
     window: &TexelWindow,
     sums: &mut Sums<S>,
-    lanes: &mut [[f32; LANES]],
+    rare: &mut LaneSums<'_>,
 ) {
     let zero = Lanes::splat(simd, 0.0);
-    let alpha = blended.select(clamped_alpha(hit), zero);
+    let state = &mut gradient.blocks[block];
+    let raw_alpha = blended.select(hit.raw_alpha, zero);
+    let alpha = raw_alpha.min(ALPHA_MAX as f32);
     let per_rest = 1.0 / (1.0 - alpha);
-    let before = Lanes::from_slice(simd, &replay.transmittance[at.clone()]) * per_rest;
-    before.store_slice(&mut replay.transmittance[at.clone()]);
+    let before = Lanes::load_array_ref(simd, &state.transmittance) * per_rest;
+    before.store_array(&mut state.transmittance);
     let weight = alpha * before;
 
-    let taps = block_taps(simd, &splat.map, hit, blended);
     let mut colour = splat_rgb(simd, splat.rgb);
-    if !taps.is_empty() {
+    let taps = block_taps(simd, &splat.map, hit, blended);
+    let is_textured = TEXELS && !taps.is_empty();
+    if is_textured {
         let residual = residual(simd, map_texels, &splat.map, &taps);
         for k in 0..3 {
             colour[k] += residual[k];
         }
     }
-    let gradient = &replay.gradient.rgb;
     let by_pixel = [
-        Lanes::from_slice(simd, &gradient[0][at.clone()]),
-        Lanes::from_slice(simd, &gradient[1][at.clone()]),
-        Lanes::from_slice(simd, &gradient[2][at.clone()]),
+        Lanes::load_array_ref(simd, &state.rgb[0]),
+        Lanes::load_array_ref(simd, &state.rgb[1]),
+        Lanes::load_array_ref(simd, &state.rgb[2]),
     ];
     let mut by_pixel_dot_colour = zero;
     for k in 0..3 {
         by_pixel_dot_colour = by_pixel[k].mul_add(colour[k].max(zero), by_pixel_dot_colour);
     }
-    let (mut by_weight, mut by_m) = (by_pixel_dot_colour, zero);
-    let m = hit.denominator * (in_tile.near / splat.depth);
-    if let Some(planes) = &replay.gradient.geometry {
-        let c = |k: usize| Lanes::from_slice(simd, &planes[k][at.clone()]);
-        let (linear, square) = (c(1), c(2));
-        by_weight += c(0) + (linear + square * m) * m;
-        by_m = weight * (linear + square * m * 2.0);
-        let facing = splat.facing();
-        let normal = splat.axes_in_camera[2];
-        for (k, sum) in [Sum::NormalX, Sum::NormalY, Sum::NormalZ].into_iter().enumerate() {
-            let towards = c(3 + k) * facing;
-            by_weight += towards * normal[k];
-            sums.mul_add(sum, weight, towards);
-        }
-        sums.add(Sum::Depth, by_m * m * (-1.0 / splat.depth));
+    let mut by_weight = by_pixel_dot_colour;
+    if let Some(planes) = &gradient.geometry {
+        by_weight += geometry_bwd(simd, splat, in_tile, hit, weight, block, planes, rare);
     }
-    let behind = Lanes::from_slice(simd, &replay.behind[at.clone()]);
+    let behind = Lanes::load_array_ref(simd, &state.behind);
     let by_alpha = before * by_weight - behind * per_rest;
-    weight.mul_add(by_weight, behind).store_slice(&mut replay.behind[at.clone()]);
+    weight.mul_add(by_weight, behind).store_array(&mut state.behind);
 
     // The gradient passes where the colour is positive or descent would raise it.
     let mut by_colour = [zero; 3];
     for k in 0..3 {
-        let passes = colour[k].simd_gt(0.0) | by_pixel[k].simd_lt(0.0);
-        by_colour[k] = passes.select(by_pixel[k] * weight, zero);
+        let passing = if TEXELS {
+            colour[k].simd_gt(0.0).select(by_pixel[k], by_pixel[k].min(0.0_f32))
+        } else {
+            by_pixel[k].min(if splat.rgb[k] > 0.0 { f32::INFINITY } else { 0.0 })
+        };
+        by_colour[k] = passing * weight;
+        sums.rgb[k] = passing.mul_add(weight, sums.rgb[k]);
     }
-    sums.add(Sum::Red, by_colour[0]);
-    sums.add(Sum::Green, by_colour[1]);
-    sums.add(Sum::Blue, by_colour[2]);
     if STATS {
-        sums.add(Sum::Pixels, blended.select(Lanes::splat(simd, 1.0), zero));
-        sums.add(Sum::Weight, weight);
-        sums.mul_add(Sum::Error, weight, Lanes::from_slice(simd, &replay.gradient.loss[at]));
+        sums.statistics[0] += blended.select(Lanes::splat(simd, 1.0), zero);
+        sums.statistics[1] += weight;
+        sums.statistics[2] = weight.mul_add(Lanes::load_array_ref(simd, &state.loss), sums.statistics[2]);
     }
 
-    // No gradient where alpha is clamped.
-    let by_raw = (blended & hit.raw_alpha.simd_le(ALPHA_MAX as f32)).select(by_alpha, zero);
-    let by_raw_falloff = by_raw * hit.falloff;
-    sums.add(Sum::Opacity, by_raw_falloff);
-    let by_exponent = by_raw_falloff * in_tile.opacity;
-    let (a, b) = (blended.select(hit.a, zero), blended.select(hit.b, zero));
-    let (by_a, by_b) = (by_exponent * a, by_exponent * b);
-    sums.mul_add(Sum::ExponentAA, by_a, a);
-    sums.mul_add(Sum::ExponentAB, by_a, b);
-    sums.mul_add(Sum::ExponentBB, by_b, b);
-    let (mut by_u, mut by_v) = (zero, zero);
-    if !taps.is_empty() {
-        let map = &splat.map;
-        (by_u, by_v) = if map.footprint.is_minified {
-            texture_bwd::<S, true>(simd, map, map_texels, &taps, &by_colour, window, lanes)
-        } else {
-            texture_bwd::<S, false>(simd, map, map_texels, &taps, &by_colour, window, lanes)
-        };
+    let mut by_exponent = by_alpha * raw_alpha;
+    if in_tile.opacity > ALPHA_MAX as f32 {
+        // No gradient where alpha is clamped.
+        by_exponent = raw_alpha.simd_le(ALPHA_MAX as f32).select(by_exponent, zero);
     }
-    let per = hit.per_denominator;
-    let texels = &splat.map.texels_per_coordinate;
-    let u = (by_u * texels.u_a + by_v * texels.v_a - by_a) * per;
-    let v = (by_v * texels.v_b - by_b) * per;
-    let d = by_m * (in_tile.near / splat.depth) - u.mul_add(a, v * b);
-    sums.add(Sum::U, u);
-    sums.mul_add(Sum::UX, u, hit.dx);
-    sums.mul_add(Sum::UY, u, hit.dy);
-    sums.add(Sum::V, v);
-    sums.mul_add(Sum::VX, v, hit.dx);
-    sums.mul_add(Sum::VY, v, hit.dy);
-    sums.add(Sum::D, d);
-    sums.mul_add(Sum::DX, d, hit.dx);
-    sums.mul_add(Sum::DY, d, hit.dy);
+    sums.by_alpha += by_exponent;
+    let (a, b) = (hit.a, hit.b);
+    let (mut by_a, mut by_b) = (by_exponent * a, by_exponent * b);
+    sums.exponent[0] = by_a.mul_add(a, sums.exponent[0]);
+    sums.exponent[1] = by_a.mul_add(b, sums.exponent[1]);
+    sums.exponent[2] = by_b.mul_add(b, sums.exponent[2]);
+    (by_a, by_b) = (-by_a, -by_b);
+    if is_textured {
+        let map = &splat.map;
+        let (by_u, by_v) = if map.footprint.is_minified {
+            texture_bwd::<S, true>(simd, map, map_texels, &taps, &by_colour, window, rare.texels())
+        } else {
+            texture_bwd::<S, false>(simd, map, map_texels, &taps, &by_colour, window, rare.texels())
+        };
+        let texels = &map.texels_per_coordinate;
+        let (texture_a, texture_b) = (by_u * texels.u_a + by_v * texels.v_a, by_v * texels.v_b);
+        rare.mul_add(simd, Sum::TextureAA, texture_a, a);
+        rare.mul_add(simd, Sum::TextureAB, texture_a, b);
+        rare.mul_add(simd, Sum::TextureBA, texture_b, a);
+        rare.mul_add(simd, Sum::TextureBB, texture_b, b);
+        by_a += texture_a;
+        by_b += texture_b;
+    }
+    sums.a += by_a;
+    sums.b += by_b;
+    let radial = by_a.mul_add(a, by_b * b);
+    sums.radial[0] = radial.mul_add(a, sums.radial[0]);
+    sums.radial[1] = radial.mul_add(b, sums.radial[1]);
+}
+
+/// Adds the derivatives of the distortion and normal terms to their sums; returns those with respect to the weights.
+#[allow(clippy::too_many_arguments, reason = "inlined into its only caller; split for reading")]
+#[inline(always)]
+fn geometry_bwd<S: Simd>(
+    simd: S,
+    splat: &ProjectedSplat,
+    in_tile: &SplatInTile,
+    hit: &BlockHit<S>,
+    weight: Lanes<S>,
+    block: usize,
+    planes: &[TilePlane; 6],
+    rare: &mut LaneSums<'_>,
+) -> Lanes<S> {
+    let one = Lanes::splat(simd, 1.0);
+    let c = |k: usize| Lanes::load_array_ref(simd, &planes[k][block]);
+    let m = hit.denominator * (in_tile.near / splat.depth);
+    let (linear, square) = (c(1), c(2));
+    let mut by_weight = c(0) + (linear + square * m) * m;
+    let by_m = weight * (linear + square * m * 2.0);
+    let facing = splat.facing();
+    let normal = splat.axes_in_camera[2];
+    for (k, sum) in [Sum::NormalX, Sum::NormalY, Sum::NormalZ].into_iter().enumerate() {
+        let towards = c(3 + k) * facing;
+        by_weight += towards * normal[k];
+        rare.mul_add(simd, sum, weight, towards);
+    }
+    rare.mul_add(simd, Sum::Depth, by_m * m, one * (-1.0 / splat.depth));
+    let d = by_m * (in_tile.near / splat.depth);
+    rare.mul_add(simd, Sum::D, d, one);
+    rare.mul_add(simd, Sum::DX, d, hit.dx);
+    rare.mul_add(simd, Sum::DY, d, hit.dy);
+    by_weight
 }
 
 /// Adds the texel gradients to their lane sums; returns the derivatives with respect to the texture coordinates.

@@ -5,8 +5,8 @@
 use super::adam::{AdamSkip, AdamStep};
 use super::project::ProjectedSplat;
 use super::project_bwd::{SplatGradient, project_bwd};
-use super::raster_bwd::{HEADER_FLOATS, Sum};
 use super::simd::dispatch;
+use super::sums::{HEADER_FLOATS, Sum};
 use super::tiles::{Pair, Tiles};
 use super::view::ViewF32;
 use crate::backend::{LearningRates, WindowStatistics};
