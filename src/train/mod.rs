@@ -8,6 +8,7 @@ pub mod checkpoint;
 mod colour;
 mod config;
 pub mod density;
+mod device_bound;
 mod eta;
 mod evaluate;
 mod events;
@@ -30,6 +31,7 @@ mod window;
 
 pub use config::{Backdrop, Exposure, LengthChange, RateConfig, Start, TrainConfig, params_for_bytes};
 pub use density::{FirstMap, Policy, PolicySpec, Rule, policies};
+pub use device_bound::{DeviceBound, GROWTH_ENDED, SMALLER_IMAGES};
 pub use eta::{Course, Remaining};
 pub use evaluate::{Evaluated, evaluate};
 pub use events::{Control, Sink, StopReason, TrainEvent};

@@ -1,6 +1,7 @@
 //! The state from which a run continues bit for bit, and its history of times and evaluations.
 
 use super::density::{Growth, SplatHistory};
+use super::device_bound::DeviceBound;
 use super::exposure::Exposures;
 use super::prune::Pruned;
 use crate::backend::WindowStatistics;
@@ -105,6 +106,8 @@ pub struct TrainState {
     pub pace: SplatBudget,
     /// How growth has paid so far.
     pub growth: Growth,
+    /// What the run keeps to because its device holds no more.
+    pub device: DeviceBound,
     /// Loss of each view when it was last rendered at the current image size; 0: not yet. Empty before the first step.
     pub view_losses: Vec<f32>,
     /// The last rounding, if the model is trained as its file will hold it.
@@ -131,6 +134,7 @@ impl TrainState {
             exposures: Exposures::default(),
             pace: SplatBudget::new(0),
             growth: Growth::default(),
+            device: DeviceBound::default(),
             view_losses: Vec::new(),
             rounded: None,
             history: TrainHistory::default(),
