@@ -2,7 +2,7 @@
 //! stay smaller. The run goes on.
 
 use super::density::{Budget, DensityCounts};
-use super::state::SizeFigures;
+use super::size_figures::SizeFigures;
 use crate::backend::DeviceLimits;
 use crate::text::format_count;
 

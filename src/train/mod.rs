@@ -23,6 +23,7 @@ mod random;
 mod rounding_phase;
 mod run;
 mod schedule;
+mod size_figures;
 mod stages;
 mod state;
 mod step_costs;

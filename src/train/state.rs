@@ -4,28 +4,12 @@ use super::density::{Growth, SplatHistory};
 use super::device_bound::DeviceBound;
 use super::exposure::Exposures;
 use super::prune::Pruned;
+pub use super::size_figures::SizeFigures;
 use crate::backend::WindowStatistics;
 use crate::frequency::SplatBudget;
-use crate::model::{AdamState, Model, ModelSize};
+use crate::model::{AdamState, Model};
 use crate::rounding::LastRounding;
 use serde::{Deserialize, Serialize};
-
-/// Size of a model, as events tell it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct SizeFigures {
-    /// Number of splats.
-    pub splats: usize,
-    /// Number of texels over all maps.
-    pub texels: usize,
-    /// Floats that the model holds ([`ModelSize::params`]).
-    pub params: usize,
-}
-
-impl From<ModelSize> for SizeFigures {
-    fn from(size: ModelSize) -> Self {
-        Self { splats: size.splats, texels: size.texels, params: size.params() }
-    }
-}
 
 /// One evaluation of the test views during a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

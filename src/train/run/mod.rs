@@ -9,7 +9,7 @@ mod trainer;
 
 use batch::PlannedStep;
 pub use reading::NO_SNAPSHOT;
-use trainer::{Clock, Trainer};
+use trainer::{Clock, Trainer, smaller_side_px};
 
 use super::config::TrainConfig;
 use super::density::DensityCounts;
@@ -415,8 +415,4 @@ impl Trainer<'_> {
         }
         Ok(control)
     }
-}
-
-fn smaller_side_px(cameras: &[Camera]) -> u32 {
-    cameras.iter().map(|c| c.pinhole.width_px.min(c.pinhole.height_px)).min().unwrap_or(1)
 }

@@ -4,8 +4,7 @@
 use super::super::device_bound::{GROWTH_ENDED, SMALLER_IMAGES};
 use super::super::events::{Control, Sink, TrainEvent};
 use super::batch::PlannedStep;
-use super::smaller_side_px;
-use super::trainer::Trainer;
+use super::trainer::{Trainer, smaller_side_px};
 use crate::backend::{StepReport, StepRequest};
 use crate::text::format_count;
 use crate::{Error, Result, Warning};

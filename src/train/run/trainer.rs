@@ -60,3 +60,8 @@ impl<'a> Clock<'a> {
         (self.timing.now)() - self.began_secs
     }
 }
+
+/// Smallest side of the views, in pixels.
+pub fn smaller_side_px(cameras: &[Camera]) -> u32 {
+    cameras.iter().map(|c| c.pinhole.width_px.min(c.pinhole.height_px)).min().unwrap_or(1)
+}
