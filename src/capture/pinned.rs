@@ -3,8 +3,8 @@
 //! found as often as it is large, while those used last would be found half as often (of a cache for 71 % of the photos, 71 % of
 //! the draws instead of 35 %).
 
-/// Largest share of the cache, over 1, for photos that are decoded ahead.
-const WINDOW_SHARE: u64 = 4;
+/// An eighth of the cache at most is for photos that are decoded ahead.
+const WINDOW_SHARE: u64 = 8;
 
 /// Photos decoded ahead that are enough: those of two batches of steps on a GPU.
 const WINDOW_PHOTOS: u64 = 32;
@@ -51,13 +51,13 @@ mod tests {
     fn what_does_not_fit_leaves_a_window_beside_the_photos_that_stay() {
         let shares = |sizes: &[u64], budget| Shares::new(sizes, |view| view != 0, budget);
         assert_eq!(shares(&[10; 4], 45), Shares { pinned: vec![true; 4], window_bytes: 5 });
-        // Two photos at least, and a quarter at most; the first view is not preferred.
+        // Two photos at least, and an eighth at most; the first view is not preferred.
         assert_eq!(
             shares(&[10; 4], 35),
             Shares { pinned: vec![false, true, false, false], window_bytes: 25 }
         );
         let many = shares(&[10; 100], 800);
-        assert_eq!((many.window_bytes, many.pinned.iter().filter(|&&p| p).count()), (200, 60));
+        assert_eq!((many.window_bytes, many.pinned.iter().filter(|&&p| p).count()), (100, 70));
         let more = shares(&[10; 1_000], 8_000);
         assert_eq!((more.window_bytes, more.pinned[0], more.pinned[1]), (320, false, true));
         assert_eq!(shares(&[10, 10], 7), Shares { pinned: vec![false; 2], window_bytes: 7 });
