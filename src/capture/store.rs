@@ -228,7 +228,7 @@ impl Shared {
 }
 
 impl ImageStore {
-    /// A cache of so many bytes, in which the photos that are `first` stay before others.
+    /// A cache of `budget_bytes`, in which the photos that are `first` stay before others.
     pub fn new(recipes: Vec<Recipe>, first: impl Fn(usize) -> bool, budget_bytes: u64) -> Self {
         let sizes_bytes: Vec<u64> = recipes.iter().map(Recipe::num_bytes).collect();
         Self {

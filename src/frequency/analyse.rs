@@ -58,7 +58,7 @@ impl FrequencySchedule {
     }
 }
 
-/// How many of these views, with so many pixels together, are analysed.
+/// How many of `views` views, with `pixels` pixels together, are analysed.
 fn num_analysed(views: usize, pixels: usize) -> usize {
     let within = MAX_PIXELS as f64 * views as f64 / pixels.max(1) as f64;
     (within as usize).clamp(LEAST_VIEWS, MAX_VIEWS)

@@ -47,19 +47,19 @@ pub struct DeviceNeed {
     pub total_bytes: u64,
 }
 
-/// Pairs of a view with so many pixels, if it shows all splats: each lies in the tile of its centre and reaches into others.
+/// Pairs of a view that shows all splats: each lies in the tile of its centre and reaches into others.
 fn pairs(splats: u64, pixels: u64) -> u64 {
     let tiles = pixels as f64 / TILE_PX.powi(2);
     ((splats as f64).sqrt() + (LAYERS * tiles).sqrt()).powi(2) as u64
 }
 
-/// Splats of which a view needs so many pairs.
+/// The number of splats at which a view needs this number of pairs.
 fn splats_of(pairs: u64, pixels: u64) -> u64 {
     let tiles = pixels as f64 / TILE_PX.powi(2);
     ((pairs as f64).sqrt() - (LAYERS * tiles).sqrt()).max(0.0).powi(2) as u64
 }
 
-/// Pixels of a view of so many splats that needs so many pairs.
+/// The number of pixels at which it does.
 fn pixels_of(pairs: u64, splats: u64) -> u64 {
     let side = ((pairs as f64).sqrt() - (splats as f64).sqrt()).max(0.0);
     (side * side / LAYERS * TILE_PX.powi(2)) as u64
