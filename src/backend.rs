@@ -8,11 +8,11 @@ mod limits;
 mod plan;
 mod probe;
 
-use crate::Result;
 use crate::camera::Camera;
 pub use crate::image::TargetImage;
 pub use crate::model::LearningRates;
 use crate::model::{AdamState, Model};
+use crate::{Error, Result};
 pub use costs::{AXES, Costs, Derivatives, costs_of, depths};
 pub use exposure::{ColourMap, ColourSums, NUM_COLOUR_SUMS};
 pub use limits::{DeviceLimits, SceneShape};
@@ -340,7 +340,8 @@ pub trait Backend {
     /// Does a training step: forward, loss, backward, Adam.
     ///
     /// # Errors
-    /// [`crate::Error::Device`] if memory or the device fails, [`crate::Error::Usage`] if photo and camera differ in size.
+    /// [`crate::Error::DeviceFull`] if memory or a limit does not suffice, [`crate::Error::Device`] if the device fails,
+    /// [`crate::Error::Usage`] if photo and camera differ in size.
     fn step(&mut self, request: &StepRequest<'_>) -> Result<StepReport>;
 
     /// Preferred number of steps per call of [`Backend::steps`], at least 1. A device that is fed through a queue
@@ -350,13 +351,23 @@ pub trait Backend {
     }
 
     /// Does several training steps in order, with one report for each. State and reports are bit for bit those of
-    /// calling [`Backend::step`] for each request.
+    /// calling [`Backend::step`] for each request. Fewer reports mean that the device has no room for the next step: these
+    /// steps are done, and the next call fails.
     ///
     /// # Errors
-    /// As [`Backend::step`]. Some of the first steps, or none, have then been applied completely; the state is still
-    /// readable, and its [`AdamState::step`] is the number of steps done.
+    /// As [`Backend::step`]; [`crate::Error::DeviceFull`] only if no step was done. After other errors, some of the first steps,
+    /// or none, have been applied completely; the state is still readable, and its [`AdamState::step`] is the number of steps
+    /// done.
     fn steps(&mut self, requests: &[StepRequest<'_>]) -> Result<Vec<StepReport>> {
-        requests.iter().map(|request| self.step(request)).collect()
+        let mut reports = Vec::new();
+        for request in requests {
+            match self.step(request) {
+                Ok(report) => reports.push(report),
+                Err(Error::DeviceFull(_)) if !reports.is_empty() => break,
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(reports)
     }
 
     /// Reads the sums of the window, which begins with an upload, a restored state or a density-control step, or as set by
@@ -375,7 +386,8 @@ pub trait Backend {
     /// Carries out a density-control plan and begins a new statistics window.
     ///
     /// # Errors
-    /// [`crate::Error::Usage`] if the plan does not match the model, [`crate::Error::Device`] if memory fails.
+    /// [`crate::Error::Usage`] if the plan does not match the model, [`crate::Error::DeviceFull`] if memory or a limit does
+    /// not suffice; nothing has then changed.
     fn apply_plan(&mut self, plan: &DensityPlan) -> Result<()>;
 
     /// Reads the state as it is; uploaded elsewhere, it continues the run bit for bit. Parameters of splats that the

@@ -59,6 +59,9 @@ pub enum Error {
     /// The device failed or is too small: memory, limits, driver.
     #[error("{}", text::message(.0))]
     Device(String),
+    /// The device has no room for what was asked of it, and holds what it held before.
+    #[error("{}", text::message(.0))]
+    DeviceFull(String),
     /// A check ran and failed.
     #[error("{}", text::message(.0))]
     CheckFailed(String),
@@ -114,7 +117,7 @@ impl Error {
             Self::Unsupported { .. } => "unsupported",
             Self::Io { cause, .. } if cause.kind() == std::io::ErrorKind::NotFound => "missing",
             Self::Io { .. } => "system",
-            Self::Device(_) => "device",
+            Self::Device(_) | Self::DeviceFull(_) => "device",
             Self::Interrupted => "interrupted",
         }
     }
@@ -129,7 +132,7 @@ impl Error {
             Self::Unsupported { .. } => 4,
             // A missing file counts as invalid input, every other refusal of the system as a run-time failure.
             Self::Io { cause, .. } if cause.kind() == std::io::ErrorKind::NotFound => 3,
-            Self::Io { .. } | Self::Device(_) => 5,
+            Self::Io { .. } | Self::Device(_) | Self::DeviceFull(_) => 5,
             Self::Interrupted => 130,
         }
     }

@@ -11,7 +11,9 @@ use litetex_gs::backend::{Backend as _, SceneShape};
 use litetex_gs::gpu::{GpuOptions, LimitChoice};
 use litetex_gs::selftest::{RandomScene, SceneOptions, random_scene};
 use litetex_gs::train::density::Budget;
-use litetex_gs::train::{Control, Policy, TrainConfig, TrainEvent, TrainState, train};
+use litetex_gs::train::{
+    Control, GROWTH_ENDED, Policy, SMALLER_IMAGES, TrainConfig, TrainEvent, TrainState, train,
+};
 
 /// Buffers of 120,000 bytes: 1,363 splats of 22 floats, 7,500 texels of 16 bytes, 3,333 pixels of 36 bytes.
 const SMALL: LimitChoice = LimitChoice::Buffers(120_000);
@@ -109,6 +111,48 @@ fn growth_stops_at_the_limits_of_the_device() {
     assert!(bounded.unwrap()[1] <= 5_000);
 }
 
+/// The last state, pairs of each step, most splats and codes of the warnings of a run.
+fn run_with(options: GpuOptions) -> Option<(TrainState, Vec<u64>, usize, Vec<String>)> {
+    let driver = drivers().into_iter().next()?;
+    let mut backend = open(&driver, LimitChoice::Downlevel, options);
+    let scene = scene();
+    let (mut pairs, mut splats, mut codes) = (Vec::new(), 0, Vec::new());
+    let mut sink = |event: TrainEvent<'_>| {
+        match event {
+            TrainEvent::Step { report, .. } => pairs.push(report.counters.tile_pairs),
+            TrainEvent::DensityControl { size, .. } => splats = splats.max(size.splats),
+            TrainEvent::Warning(warning) => codes.push(warning.code),
+            _ => {}
+        }
+        Ok(Control::Continue)
+    };
+    let config = TrainConfig { steps: 30, ..growing() };
+    let start = TrainState::fresh(damaged(&scene));
+    let (state, _) = train(&config, &mut backend, &photos(&scene), start, &mut sink).unwrap();
+    Some((state, pairs, splats, codes))
+}
+
+#[test]
+fn a_run_with_more_pairs_than_fit_goes_on() {
+    let Some((_, plenty, wanted, codes)) = run_with(GpuOptions::default()) else { return };
+    let (first, last) = (*plenty[..5].iter().max().unwrap(), *plenty.iter().max().unwrap());
+    println!("{first} pairs at first, {last} at last, {wanted} splats");
+    assert!(codes.is_empty() && last > first * 5 / 4, "growth needs too few pairs: nothing is tested");
+    for (most, expected) in [(u64::midpoint(first, last), GROWTH_ENDED), (first * 3 / 4, SMALLER_IMAGES)] {
+        let options = GpuOptions { most_pairs: Some(most), ..GpuOptions::default() };
+        let (state, pairs, splats, codes) = run_with(options).unwrap();
+        assert_eq!((pairs.len(), codes), (30, vec![expected.to_owned()]));
+        assert!(pairs.iter().all(|&pairs| pairs <= most) && splats < wanted, "{splats} splats, {pairs:?}");
+        assert_eq!(state.device.least_scale > 1.0, expected == SMALLER_IMAGES);
+        // The same in batches of any size, and with buffers that have to grow.
+        for (batch_steps, pair_capacity) in [(1, None), (16, Some(50))] {
+            let options = GpuOptions { batch_steps: Some(batch_steps), pair_capacity, ..options };
+            let (other, ..) = run_with(options).unwrap();
+            assert!(other.model == state.model && other.device == state.device, "batches of {batch_steps}");
+        }
+    }
+}
+
 #[test]
 fn the_reported_limits_are_those_of_uploads() {
     let Some(driver) = drivers().into_iter().next() else { return };
@@ -126,8 +170,8 @@ fn the_reported_limits_are_those_of_uploads() {
         backend.upload(&model, &litetex_gs::model::AdamState::zeros(&model))
     };
     assert!(upload(limits.max_splats, (1, 1), &mut backend).is_ok());
-    assert!(matches!(upload(limits.max_splats + 1, (1, 1), &mut backend), Err(Error::Device(_))));
+    assert!(matches!(upload(limits.max_splats + 1, (1, 1), &mut backend), Err(Error::DeviceFull(_))));
     // 75 maps of 100 texels.
     assert!(upload(75, (10, 10), &mut backend).is_ok());
-    assert!(matches!(upload(76, (10, 10), &mut backend), Err(Error::Device(_))));
+    assert!(matches!(upload(76, (10, 10), &mut backend), Err(Error::DeviceFull(_))));
 }

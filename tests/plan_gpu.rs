@@ -150,7 +150,7 @@ fn a_plan_that_does_not_fit_changes_nothing() {
             shift: [0; 2],
             moment_scale: [1.0; 2],
         };
-        assert!(matches!(gpu.apply_plan(&plan), Err(Error::Device(_))));
+        assert!(matches!(gpu.apply_plan(&plan), Err(Error::DeviceFull(_))));
         assert!((gpu.read_back().unwrap(), gpu.read_statistics().unwrap()) == before);
         // Negative control: one that fits changes all of these.
         gpu.apply_plan(&keep(n)).unwrap();

@@ -95,7 +95,7 @@ fn a_scene_beyond_the_limits_is_refused_with_sizes() {
     large.splats = large.splats.gathered(&sources, vec![3; sources.len()]);
     large.textures = TexturePool::neutral(vec![TextureMap::default(); 600_000]).unwrap();
     let error = backend.upload(&large, &AdamState::zeros(&large)).unwrap_err();
-    assert!(matches!(error, Error::Device(_)), "{error}");
+    assert!(matches!(error, Error::DeviceFull(_)), "{error}");
     let text = error.to_string();
     assert!(text.contains("34800000 x 4 bytes = 132.8 MiB") && text.contains("128.0 MiB"), "{text}");
     backend.upload(&small.model, &AdamState::zeros(&small.model)).unwrap();

@@ -23,6 +23,8 @@ pub struct DeviceLimits {
     pub max_splats: u64,
     /// Largest number of texels over all maps of a model.
     pub max_texels: u64,
+    /// Largest number of tile-splat pairs of a training step.
+    pub max_pairs: u64,
 }
 
 impl DeviceLimits {

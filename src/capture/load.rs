@@ -140,7 +140,7 @@ fn load_folder(path: &Path, options: &LoadOptions, archive: Option<&Unpacked>) -
         undistortion,
         report,
         observed: source.views.into_iter().map(|view| view.observed).collect(),
-        store: ImageStore::new(recipes, options.image_cache_bytes),
+        store: ImageStore::new(recipes, |view| splits[view] == Split::Train, options.image_cache_bytes),
         root: folder.root,
         unpacked: None,
     })

@@ -37,6 +37,7 @@ mod photos_apart;
 mod photos_near;
 #[cfg(test)]
 mod photos_tests;
+mod pinned;
 mod pixel;
 mod plausible;
 mod pose_format;

@@ -1,8 +1,9 @@
-//! The image cache: photos decoded on demand, or shortly before by background threads. When its budget of
-//! bytes is spent, the least recently used photo is dropped first, and those decoded ahead last.
+//! The image cache: photos decoded on demand, or shortly before by background threads. When not all fit, a fixed set of photos
+//! stays, and the others only from when they are decoded ahead to when they are used (`pinned`).
 
 use super::decode::{Decoded, Recipe};
 use super::jpeg_end;
+use super::pinned::Shares;
 use crate::Result;
 use crate::image::TargetImage;
 use rayon::prelude::*;
@@ -11,24 +12,28 @@ use std::path::PathBuf;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 
-/// Background threads that decode ahead; training needs the other cores.
-const PREFETCH_THREADS: usize = 2;
+/// Background threads that decode ahead, at least and at most; training needs the other cores.
+const PREFETCH_THREADS: [usize; 2] = [2, 8];
 
 /// Memory for decoding several photos at once; a single one may need more.
 const DECODING_BYTES_MAX: u64 = 512 << 20;
 
 struct Cached {
     image: Arc<TargetImage>,
-    last_use: u64,
-    /// Decoded ahead and not requested yet.
-    unused: bool,
+    /// Of photos that do not stay: when it was used last; `None`: decoded ahead and not requested yet.
+    used: Option<u64>,
 }
 
 #[derive(Default)]
 struct State {
-    cached: HashMap<usize, Cached>,
-    bytes: u64,
-    unused_bytes: u64,
+    /// Photos that stay.
+    kept: HashMap<usize, Arc<TargetImage>>,
+    kept_bytes: u64,
+    /// The others.
+    window: HashMap<usize, Cached>,
+    window_bytes: u64,
+    /// Of these, bytes of those that wait for their use, decoded or being decoded.
+    waiting_bytes: u64,
     clock: u64,
     in_flight: HashSet<usize>,
     /// Working memory of the decodes under way.
@@ -41,6 +46,7 @@ struct State {
 struct Shared {
     recipes: Vec<Recipe>,
     budget_bytes: u64,
+    shares: Shares,
     state: Mutex<State>,
     /// Signalled when a decode has ended.
     decoded: Condvar,
@@ -91,58 +97,64 @@ impl Drop for Working<'_> {
 }
 
 impl State {
-    /// Takes an image out of the cache.
+    fn has(&self, view: usize) -> bool {
+        self.kept.contains_key(&view) || self.window.contains_key(&view)
+    }
+
+    /// Takes an image out of the window.
     fn remove(&mut self, view: usize) {
-        if let Some(old) = self.cached.remove(&view) {
+        if let Some(old) = self.window.remove(&view) {
             let bytes = old.image.num_bytes();
-            self.bytes -= bytes;
-            self.unused_bytes -= if old.unused { bytes } else { 0 };
+            self.window_bytes -= bytes;
+            self.waiting_bytes -= if old.used.is_none() { bytes } else { 0 };
         }
     }
 
-    /// Keeps an image, dropping the least recently used ones; one above the budget is not kept.
-    fn insert(&mut self, view: usize, image: &Arc<TargetImage>, unused: bool, budget_bytes: u64) {
+    /// Keeps an image if it is one of those that stay. Otherwise it takes the place of those in the window that were used,
+    /// first of those used longest ago, and is not kept without such a place.
+    fn insert(&mut self, view: usize, image: &Arc<TargetImage>, is_ahead: bool, shares: &Shares) {
         let bytes = image.num_bytes();
         self.decodes += 1;
-        self.remove(view);
-        if bytes > budget_bytes {
+        if shares.pinned[view] {
+            if self.kept.insert(view, Arc::clone(image)).is_none() {
+                self.kept_bytes += bytes;
+            }
             return;
         }
-        while self.bytes + bytes > budget_bytes {
-            // Photos decoded ahead go last: they are about to be used.
-            let oldest = self.cached.iter().min_by_key(|(_, c)| (c.unused, c.last_use)).map(|(&v, _)| v);
-            match oldest {
-                Some(oldest) => self.remove(oldest),
-                None => break,
-            }
+        self.remove(view);
+        while self.window_bytes + bytes > shares.window_bytes {
+            let used = self.window.iter().filter_map(|(&view, cached)| Some((cached.used?, view)));
+            let Some((_, oldest)) = used.min() else { return };
+            self.remove(oldest);
         }
         self.clock += 1;
-        self.bytes += bytes;
-        self.unused_bytes += if unused { bytes } else { 0 };
-        let cached = Cached { image: Arc::clone(image), last_use: self.clock, unused };
-        self.cached.insert(view, cached);
+        self.window_bytes += bytes;
+        self.waiting_bytes += if is_ahead { bytes } else { 0 };
+        let used = (!is_ahead).then_some(self.clock);
+        self.window.insert(view, Cached { image: Arc::clone(image), used });
     }
 
     /// Photos decoded for an earlier prefetch no longer count as waiting for their use.
     fn forget_prefetched_except(&mut self, views: &[usize]) {
         let wanted: HashSet<&usize> = views.iter().collect();
-        let mut forgotten = 0;
-        for (view, cached) in &mut self.cached {
-            if cached.unused && !wanted.contains(view) {
-                cached.unused = false;
-                forgotten += cached.image.num_bytes();
+        self.clock += 1;
+        for (view, cached) in &mut self.window {
+            if cached.used.is_none() && !wanted.contains(view) {
+                cached.used = Some(self.clock);
+                self.waiting_bytes -= cached.image.num_bytes();
             }
         }
-        self.unused_bytes -= forgotten;
     }
 
     /// An image from the cache, marked as used.
     fn take(&mut self, view: usize) -> Option<Arc<TargetImage>> {
+        if let Some(image) = self.kept.get(&view) {
+            return Some(Arc::clone(image));
+        }
         self.clock += 1;
-        let cached = self.cached.get_mut(&view)?;
-        cached.last_use = self.clock;
-        if std::mem::take(&mut cached.unused) {
-            self.unused_bytes -= cached.image.num_bytes();
+        let cached = self.window.get_mut(&view)?;
+        if cached.used.replace(self.clock).is_none() {
+            self.waiting_bytes -= cached.image.num_bytes();
         }
         Some(Arc::clone(&cached.image))
     }
@@ -161,20 +173,27 @@ impl Shared {
             if state.stopped {
                 return None;
             }
-            // At most half of the budget waits unused, or photos decoded ahead would evict one another.
             if let Some(&view) = state.queue.front() {
-                if state.cached.contains_key(&view) || state.in_flight.contains(&view) {
+                if state.has(view) || state.in_flight.contains(&view) {
                     state.queue.pop_front();
                     continue;
                 }
-                if state.unused_bytes + self.recipes[view].num_bytes() <= self.budget_bytes / 2 {
+                // Photos decoded ahead must not take each other's place.
+                let bytes = self.waiting_bytes(view);
+                if state.waiting_bytes + bytes <= self.shares.window_bytes || bytes == 0 {
                     state.queue.pop_front();
+                    state.waiting_bytes += bytes;
                     state.in_flight.insert(view);
                     return Some(view);
                 }
             }
             state = self.work.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
+    }
+
+    /// Bytes that a photo takes up while it waits for its use.
+    fn waiting_bytes(&self, view: usize) -> u64 {
+        if self.shares.pinned[view] { 0 } else { self.recipes[view].num_bytes() }
     }
 
     /// Waits until there is memory for making a photo, and holds it.
@@ -198,19 +217,25 @@ impl Shared {
         while let Some(view) = self.next_ahead() {
             let _mark = InFlight { shared: self, view };
             // An error comes up again when the view is requested.
-            if let Ok(image) = self.decode(view) {
-                self.lock().insert(view, &image, true, self.budget_bytes);
+            let image = self.decode(view);
+            let mut state = self.lock();
+            state.waiting_bytes -= self.waiting_bytes(view);
+            if let Ok(image) = image {
+                state.insert(view, &image, true, &self.shares);
             }
         }
     }
 }
 
 impl ImageStore {
-    pub fn new(recipes: Vec<Recipe>, budget_bytes: u64) -> Self {
+    /// A cache of `budget_bytes`, in which the photos that are `first` stay before others.
+    pub fn new(recipes: Vec<Recipe>, first: impl Fn(usize) -> bool, budget_bytes: u64) -> Self {
+        let sizes_bytes: Vec<u64> = recipes.iter().map(Recipe::num_bytes).collect();
         Self {
             shared: Arc::new(Shared {
                 recipes,
                 budget_bytes,
+                shares: Shares::new(&sizes_bytes, first, budget_bytes),
                 state: Mutex::default(),
                 decoded: Condvar::new(),
                 work: Condvar::new(),
@@ -257,7 +282,7 @@ impl ImageStore {
         drop(state);
         let _mark = InFlight { shared, view };
         let image = shared.decode(view)?;
-        shared.lock().insert(view, &image, false, shared.budget_bytes);
+        shared.lock().insert(view, &image, false, &shared.shares);
         Ok(image)
     }
 
@@ -272,7 +297,7 @@ impl ImageStore {
         self.shared.recipes[view].mask.is_some()
     }
 
-    /// Makes every photo once, on all threads, and keeps the first ones that the budget has room for.
+    /// Makes every photo once, on all threads, and keeps those that stay.
     pub fn check_all(&self) -> Vec<Result<CheckedPhoto>> {
         let check = |view: usize| {
             let shared = &*self.shared;
@@ -284,8 +309,8 @@ impl ImageStore {
             let masked_share = recipe.mask.is_some().then_some(decoded.masked_share);
             let has_pixels = image.has_counted_pixels();
             let mut state = shared.lock();
-            if !state.cached.contains_key(&view) && state.bytes + image.num_bytes() <= shared.budget_bytes {
-                state.insert(view, &image, false, shared.budget_bytes);
+            if !state.has(view) && shared.shares.pinned[view] {
+                state.insert(view, &image, false, &shared.shares);
             }
             drop(state);
             let mut cut_off = Vec::new();
@@ -307,7 +332,7 @@ impl ImageStore {
         state.forget_prefetched_except(views);
         drop(state);
         let mut threads = self.threads.lock().unwrap_or_else(PoisonError::into_inner);
-        while threads.len() < PREFETCH_THREADS {
+        while threads.len() < prefetch_threads() {
             let shared = Arc::clone(&self.shared);
             let spawned = std::thread::Builder::new()
                 .name("photo-prefetch".to_owned())
@@ -333,8 +358,15 @@ impl ImageStore {
 
     /// Bytes in the cache.
     pub fn cached_bytes(&self) -> u64 {
-        self.shared.lock().bytes
+        let state = self.shared.lock();
+        state.kept_bytes + state.window_bytes
     }
+}
+
+/// Half of the cores decode ahead, within bounds.
+fn prefetch_threads() -> usize {
+    let [least, most] = PREFETCH_THREADS;
+    std::thread::available_parallelism().map_or(least, |cores| (cores.get() / 2).clamp(least, most))
 }
 
 /// Memory of the largest photos that may be decoded at once, given the needs of all.

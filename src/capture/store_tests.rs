@@ -4,6 +4,9 @@ use super::*;
 use crate::camera::Pinhole;
 use crate::capture::lens::{Distortion, Lens};
 use image::metadata::Orientation;
+use rand::SeedableRng as _;
+use rand::seq::SliceRandom as _;
+use rand_pcg::Pcg64Mcg;
 use std::path::Path;
 
 const SIDE: u32 = 10;
@@ -43,23 +46,55 @@ fn store(folder: &Path, count: u8, budget_bytes: u64) -> ImageStore {
             }
         })
         .collect();
-    ImageStore::new(recipes, budget_bytes)
+    ImageStore::new(recipes, |_| true, budget_bytes)
+}
+
+/// Orders of 40 views, a new one for each epoch.
+fn epochs(count: u64) -> Vec<usize> {
+    let order = |seed: u64| {
+        let mut views: Vec<usize> = (0..40).collect();
+        views.shuffle(&mut Pcg64Mcg::seed_from_u64(seed));
+        views
+    };
+    (0..count).flat_map(order).collect()
+}
+
+/// Photos to decode if those used last stay.
+fn decodes_of_last_used(order: &[usize], photos: usize) -> u64 {
+    let mut cached: Vec<usize> = Vec::new();
+    let mut decodes = 0;
+    for &view in order {
+        match cached.iter().position(|&v| v == view) {
+            Some(at) => drop(cached.remove(at)),
+            None => decodes += 1,
+        }
+        cached.push(view);
+        if cached.len() > photos {
+            cached.remove(0);
+        }
+    }
+    decodes
 }
 
 #[test]
-fn the_budget_is_kept_and_the_least_recently_used_photo_goes_first() {
+fn of_a_cache_for_part_of_the_photos_a_fixed_set_stays() {
     let folder = tempfile::tempdir().unwrap();
-    let store = store(folder.path(), 4, 2 * BYTES + 10);
-    for view in [0, 1, 0, 2] {
+    // 28 of 40 photos: 24 stay, 4 are the window.
+    let store = store(folder.path(), 40, 28 * BYTES + 10);
+    let order = epochs(20);
+    for &view in &order {
         assert_eq!(store.get(view).unwrap().rgb[0], view as u8);
-        assert!(store.cached_bytes() <= 2 * BYTES + 10);
+        assert!(store.cached_bytes() <= 28 * BYTES + 10);
     }
-    let decodes = |s: &ImageStore| s.shared.lock().decodes;
-    assert_eq!(decodes(&store), 3);
-    store.get(0).unwrap();
-    assert_eq!(decodes(&store), 3, "0 was used after 1 and must have stayed");
-    store.get(1).unwrap();
-    assert_eq!(decodes(&store), 4, "1 must have gone");
+    let decodes = store.shared.lock().decodes;
+    let of_last_used = decodes_of_last_used(&order, 28);
+    println!("{decodes} decodes of {} draws, {of_last_used} if those used last stay", order.len());
+    // 40 at first, then 16 an epoch less those that the window happens to have.
+    assert!(decodes <= 40 + 19 * 16, "{decodes}");
+    // Negative control: the window as large as the cache.
+    assert!(of_last_used > decodes + 80, "{of_last_used}");
+    let stays: Vec<usize> = (0..40).filter(|&view| store.shared.lock().kept.contains_key(&view)).collect();
+    assert_eq!(stays, (0..24).collect::<Vec<_>>());
 }
 
 #[test]

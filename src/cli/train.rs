@@ -12,12 +12,13 @@ use super::train_plan::{self, Start};
 use super::train_summary;
 use super::{batch, export_files, orphan, outputs};
 use litetex_exporters::ORIGIN_OPTION;
+use litetex_gs::backend::Backend;
 use litetex_gs::capture::Capture;
 use litetex_gs::console::{Interrupt, Log, Output, device};
 use litetex_gs::memory::machine_bytes;
 use litetex_gs::rounding::Rounder;
 use litetex_gs::run::{
-    Recorder, ResourceEstimate, RunConfig, SCENE, Summary, Workload, file_frame, fresh_state,
+    DeviceEstimate, Recorder, ResourceEstimate, RunConfig, SCENE, Summary, Workload, file_frame, fresh_state,
 };
 use litetex_gs::text::{counted, shell_word};
 use litetex_gs::train::{
@@ -159,7 +160,7 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<FinishedRun> {
         costs: planned.costs,
         end_secs: planned.end_secs,
     };
-    check_memory(&job, planned.train_secs, &capture, &state, &mut report, log)?;
+    check_memory(&job, planned.train_secs, &capture, (&state, backend.as_ref()), &mut report, log)?;
     // Before the folder is made: a run that cannot be made leaves nothing behind.
     check_limits(&job.config.train, backend.as_ref(), &*capture, &state.model)?;
     log.info(&format!("checking {}", counted(capture.num_views(), "photo")));
@@ -219,12 +220,13 @@ fn first_state(job: &mut TrainJob, capture: &Capture, report: &mut Report, log: 
     Ok(state)
 }
 
-/// Reports the memory and time that training is estimated to take; refuses what the machine cannot hold.
+/// Reports the memory and time that training is estimated to take; refuses what the machine cannot hold, and warns of what the
+/// device may not.
 fn check_memory(
     job: &TrainJob,
     train_secs: Option<f64>,
     capture: &Capture,
-    state: &TrainState,
+    (state, backend): (&TrainState, &dyn Backend),
     report: &mut Report,
     log: &Log,
 ) -> Result<()> {
@@ -235,6 +237,23 @@ fn check_memory(
     if let Some(doubt) = estimate.doubt(machine_bytes()) {
         log.warn("memory-may-not-suffice", &doubt, 1);
         report.warn("memory-may-not-suffice", 1, doubt);
+    }
+    let (name, config) = (backend.device().name, &job.config.train);
+    if name == "cpu" {
+        return Ok(());
+    }
+    let estimate = DeviceEstimate::new(&workload, config);
+    log.event(
+        "device-estimate",
+        &estimate.describe(&name),
+        serde_json::json!({ "device": name, "estimate": estimate }),
+    );
+    let pinhole = |view| capture.camera(view).pinhole;
+    let sides = (0..capture.num_views()).map(|view| pinhole(view).width_px.max(pinhole(view).height_px));
+    let limits = backend.limits(DeviceEstimate::shape(config));
+    if let Some(doubt) = estimate.doubts(&name, &limits, sides.max().unwrap_or(0)) {
+        log.warn("device-may-not-suffice", &doubt, 1);
+        report.warn("device-may-not-suffice", 1, doubt);
     }
     Ok(())
 }

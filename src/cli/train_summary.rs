@@ -22,8 +22,13 @@ pub fn output(s: &Summary) -> Output {
     table.row("splats", format_count(s.size.splats as u64));
     table.row("texels", format_count(s.size.texels as u64));
     table.row("parameters", format_count(s.size.params as u64));
-    if let (Some(step), Some(EndOfGrowth::Need)) = (s.growth.ended_step, s.growth.ended_by) {
-        table.row("growth", format!("ended at step {step} by need"));
+    let by = match s.growth.ended_by {
+        Some(EndOfGrowth::Need) => Some("by need"),
+        Some(EndOfGrowth::Device) => Some("at what the device holds"),
+        Some(EndOfGrowth::Timetable) | None => None,
+    };
+    if let (Some(step), Some(by)) = (s.growth.ended_step, by) {
+        table.row("growth", format!("ended at step {step} {by}"));
     }
     if let Some(disk) = &s.size.disk {
         let [balanced, tiny] = [disk.ltgs_balanced, disk.ltgs_tiny].map(|bytes| format_bytes(bytes as u64));

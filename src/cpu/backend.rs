@@ -161,6 +161,8 @@ impl Backend for CpuBackend {
             max_splats: u64::from(u32::MAX) / SplatGroup::Sh.width(SH_DEGREE_MAX) as u64,
             // The floats of visible texels are indexed by 32 bits.
             max_texels: u64::from(u32::MAX) / 3,
+            // Pairs are indexed by 32 bits.
+            max_pairs: u32::MAX.into(),
         }
     }
 

@@ -1,7 +1,7 @@
 //! Selects the views to analyse, and combines their spectra into one schedule.
 
 use super::fft::PlaneTransform;
-use super::options::{FrequencyOptions, LEVELS, MAX_VIEWS, RuleSet, StartRule};
+use super::options::{FrequencyOptions, LEAST_VIEWS, LEVELS, MAX_PIXELS, MAX_VIEWS, RuleSet, StartRule};
 use super::schedule::FrequencySchedule;
 use super::spectrum::{RINGS, Spectrum, Windows};
 use super::{noise, significance, stages};
@@ -26,7 +26,9 @@ impl FrequencySchedule {
         rules: &RuleSet,
     ) -> Result<Self> {
         options.check()?;
-        let chosen = evenly_picked(&views.indices(Split::Train), MAX_VIEWS);
+        let train = views.indices(Split::Train);
+        let pixels: usize = train.iter().map(|&view| views.camera(view).pinhole.num_pixels()).sum();
+        let chosen = evenly_picked(&train, num_analysed(train.len(), pixels));
         let mut transforms = BTreeMap::new();
         for &view in &chosen {
             let p = views.camera(view).pinhole;
@@ -56,6 +58,12 @@ impl FrequencySchedule {
     }
 }
 
+/// How many of `views` views, with `pixels` pixels together, are analysed.
+fn num_analysed(views: usize, pixels: usize) -> usize {
+    let within = MAX_PIXELS as f64 * views as f64 / pixels.max(1) as f64;
+    (within as usize).clamp(LEAST_VIEWS, MAX_VIEWS)
+}
+
 /// At most `most` of `views`, in order and evenly spaced.
 fn evenly_picked(views: &[usize], most: usize) -> Vec<usize> {
     let num = views.len().min(most);
@@ -80,4 +88,18 @@ fn schedule(spectra: &[Spectrum], options: &FrequencyOptions, rules: &RuleSet) -
     let nodes = stages::nodes(&mean, s_max, LEVELS);
     let noise = stages::quantile(noise, 0.5).unwrap_or(0.0).sqrt();
     FrequencySchedule { s_max: nodes[0].1, nodes, views: spectra.len(), noise: stages::rounded(noise) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fewer_views_are_analysed_where_photos_are_large() {
+        // Of the default size, even square ones; of 12 and of 48 megapixels.
+        for (side, expected) in [(480, 50), (1_600, 50), (3_464, 10), (6_928, 8)] {
+            assert_eq!(num_analysed(875, 875 * side * side), expected, "{side}");
+        }
+        assert_eq!(evenly_picked(&[3, 5, 7], num_analysed(3, 3 * 480 * 480)), [3, 5, 7]);
+    }
 }

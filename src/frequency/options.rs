@@ -93,6 +93,11 @@ pub(super) const LEVELS: usize = 32;
 /// Largest number of training views that are analysed, evenly picked. Bounds the cost; not measured.
 pub(super) const MAX_VIEWS: usize = 50;
 
+/// Largest number of their pixels together: as many views of the default size as may be analysed, and fewer of larger photos, but
+/// [`LEAST_VIEWS`]. 10 of the 43 views of fox, at 270 x 480, begin their stages at most 1 % later than all of them.
+pub(super) const MAX_PIXELS: usize = MAX_VIEWS * 1_600 * 1_600;
+pub(super) const LEAST_VIEWS: usize = 8;
+
 /// Settings of the frequency schedule.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default, rename_all = "kebab-case")]

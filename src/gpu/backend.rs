@@ -27,7 +27,8 @@ impl Backend for GpuBackend {
     }
 
     fn limits(&self, shape: SceneShape) -> DeviceLimits {
-        limits::limits(self.device.most_buffer_bytes(), shape)
+        let limits = limits::limits(self.device.most_buffer_bytes(), shape);
+        DeviceLimits { max_pairs: self.most_pairs(shape.geometry), ..limits }
     }
 
     fn upload(&mut self, model: &Model, adam: &AdamState) -> Result<()> {

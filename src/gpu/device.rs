@@ -218,16 +218,21 @@ impl GpuDevice {
         Error::Device(format!("{}: {what}", self.choice.name))
     }
 
+    /// The error that the device has no room.
+    pub(super) fn full(&self, what: &str) -> Error {
+        Error::DeviceFull(format!("{}: {what}", self.choice.name))
+    }
+
     /// A storage buffer of zeros for `count` elements of `element_bytes`.
     ///
     /// # Errors
-    /// [`Error::Device`], with the sizes if the buffer exceeds a limit, or if allocation fails.
+    /// [`Error::DeviceFull`], with the sizes, if the buffer exceeds a limit or memory fails.
     pub(super) fn buffer(&self, what: &str, count: u64, element_bytes: u64) -> Result<wgpu::Buffer> {
         // Room for at least one element: empty bindings are invalid.
         let bytes = (count.max(1) * element_bytes).next_multiple_of(16);
         let most = self.most_buffer_bytes();
         if bytes > most {
-            return Err(self.error(&format!(
+            return Err(self.full(&format!(
                 "{what}: {count} x {element_bytes} bytes = {:.1} MiB, but buffers are limited to {:.1} MiB; use \
                  fewer splats, smaller maps or smaller images, or the device \"cpu\"",
                 mib(bytes),
@@ -248,19 +253,21 @@ impl GpuDevice {
     /// A buffer of any usage.
     ///
     /// # Errors
-    /// [`Error::Device`] if allocation fails.
+    /// [`Error::DeviceFull`] if memory fails, [`Error::Device`] if the driver refuses the buffer for another reason.
     pub(super) fn allocate(&self, descriptor: &wgpu::BufferDescriptor<'_>) -> Result<wgpu::Buffer> {
         let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let validation = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
         let buffer = self.device.create_buffer(descriptor);
-        let refused = [pollster::block_on(validation.pop()), pollster::block_on(memory.pop())];
-        match refused.into_iter().flatten().next() {
-            Some(error) => Err(self.error(&format!(
-                "cannot allocate {} of {:.1} MiB: {error}",
-                descriptor.label.unwrap_or("a buffer"),
-                mib(descriptor.size)
-            ))),
-            None => Ok(buffer),
+        let (invalid, memory) = (pollster::block_on(validation.pop()), pollster::block_on(memory.pop()));
+        let message = |error: &wgpu::Error| {
+            let what = descriptor.label.unwrap_or("a buffer");
+            format!("cannot allocate {what} of {:.1} MiB: {error}", mib(descriptor.size))
+        };
+        match (invalid, memory) {
+            (Some(error), _) => Err(self.error(&message(&error))),
+            // A lost device has no memory either.
+            (None, Some(error)) => self.check_alive().and_then(|()| Err(self.full(&message(&error)))),
+            (None, None) => Ok(buffer),
         }
     }
 

@@ -112,7 +112,7 @@ fn a_failing_batch_leaves_earlier_steps_intact() {
     assert!(backend.read_back().unwrap() == expected);
     let huge = scene.camera.resized(60_000, 60_000);
     let error = backend.render(&huge, &RenderOptions { background: [0.0; 3], sh_degree: 3, geometry: false });
-    assert!(matches!(error, Err(Error::Device(_))));
+    assert!(matches!(error, Err(Error::DeviceFull(_))));
     assert!(backend.read_back().unwrap() == expected);
     backend.step(&request(&scene, 2)).unwrap();
     assert_eq!(backend.read_back().unwrap().1.step, 2, "training continues after a refused size");

@@ -38,6 +38,8 @@ pub struct GpuOptions {
     pub time_kernels: bool,
     /// Pairs to allocate buffers for at first; `None`: a guess from the number of splats.
     pub pair_capacity: Option<u64>,
+    /// Largest number of pairs of a training step; `None`: as many as buffers hold. For tests with models that do not fit.
+    pub most_pairs: Option<u64>,
 }
 
 /// A submitted step whose status has not been read.

@@ -3,15 +3,16 @@
 
 use super::encode::Dispatch;
 use super::kernels::{Buf, KernelId};
-use super::layout::{FLAG_COUNT_ATOMICS, MAX_SIDE_PX, PAIR_SUMS_GEOMETRY, Status};
+use super::layout::{FLAG_COUNT_ATOMICS, MAX_SIDE_PX, Status};
+use super::limits;
 use super::resources::UniformOffsets;
 use super::sort;
 use super::state::{GpuBackend, PendingStep};
 use super::uniform;
 use super::view_buffers::RequiredCapacity;
-use crate::Result;
 use crate::backend::{ColourSums, LossValues, RasterCounters, StepReport, StepRequest};
 use crate::camera::Camera;
+use crate::{Error, Result};
 use std::time::{Duration, Instant};
 
 /// Initial pair capacity per splat.
@@ -112,7 +113,7 @@ impl GpuBackend {
         let n = self.shape.num_splats() as u64;
         let guess = self.options.pair_capacity.unwrap_or((PAIRS_PER_SPLAT * n).max(1 << 14));
         // The guess must not exceed the device's limits.
-        let guess = guess.min(self.most_pairs()).max(1);
+        let guess = guess.min(self.most_pairs(true)).max(1);
         let mut needs = RequiredCapacity {
             // An empty model has buffers too.
             splats: n.max(1),
@@ -129,12 +130,16 @@ impl GpuBackend {
         needs
     }
 
-    /// Largest number of pairs whose partial sums fit into a buffer.
-    fn most_pairs(&self) -> u64 {
-        self.device.most_buffer_bytes() / (4 * u64::from(PAIR_SUMS_GEOMETRY))
+    /// Largest number of pairs of a training step.
+    pub(super) fn most_pairs(&self, geometry: bool) -> u64 {
+        let most = limits::max_pairs(self.device.most_buffer_bytes(), geometry);
+        self.options.most_pairs.map_or(most, |asked| most.min(asked))
     }
 
     /// Grows the buffers to the number of pairs that a view needs.
+    ///
+    /// # Errors
+    /// [`crate::Error::DeviceFull`] if a device cannot hold as many, or memory fails.
     pub(super) fn grow_pairs(&mut self, status: &Status, needs: &RequiredCapacity) -> Result<()> {
         if u64::from(status.needed_pairs) <= self.capacity.pairs_of(needs.training) {
             return Err(self
@@ -142,7 +147,14 @@ impl GpuBackend {
                 .error("a submission was not carried out, and the driver reports no reason"));
         }
         let needed = u64::from(status.needed_pairs);
-        let pairs = (needed * 3 / 2).min(self.most_pairs()).max(needed);
+        let most = self.most_pairs(needs.geometry);
+        if needs.training && needed > most {
+            return Err(self.device.full(&format!(
+                "a step needs {needed} tile-splat pairs, at most {most} fit: use fewer splats, smaller images, or the \
+                 device \"cpu\""
+            )));
+        }
+        let pairs = (needed * 3 / 2).min(most).max(needed);
         self.capacity.ensure(&self.device, &mut self.resources, &RequiredCapacity { pairs, ..*needs })
     }
 
@@ -155,23 +167,38 @@ impl GpuBackend {
         }
         let mut reports = Vec::new();
         while reports.len() < requests.len() {
-            let rest = &requests[reports.len()..];
-            let rest = &rest[..rest.len().min(self.pace.steps())];
-            let photos: Vec<_> = rest.iter().map(|r| (r.photo, r.target)).collect();
-            let fitting = self.photos.prepare(&self.device, &mut self.resources, &photos)?;
-            let batch = &rest[..fitting];
-            let statistics = batch.iter().any(|r| r.accumulate_statistics);
-            let needs = RequiredCapacity {
-                geometry: batch.iter().any(|r| r.loss.needs_geometry()),
-                ..self.needs(batch.iter().map(|r| r.camera), true, statistics)
-            };
-            self.capacity.ensure(&self.device, &mut self.resources, &needs)?;
-            let statuses = self.submit_steps(task, batch)?;
-            for (request, (status, stages)) in batch.iter().zip(statuses) {
-                if status.done == 1 {
-                    reports.push(self.report(request, &status, stages));
-                } else {
-                    self.grow_pairs(&status, &needs)?;
+            match self.run_some(task, &requests[reports.len()..]) {
+                Ok(some) => reports.extend(some),
+                // Training steps before it count.
+                Err(Error::DeviceFull(_)) if task == Task::Train && !reports.is_empty() => break,
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(reports)
+    }
+
+    /// Runs the first of these requests as one submission, and grows the buffers if pairs do not fit. Returns a report for each
+    /// that was carried out.
+    fn run_some(&mut self, task: Task, requests: &[StepRequest<'_>]) -> Result<Vec<StepReport>> {
+        let some = &requests[..requests.len().min(self.pace.steps())];
+        let photos: Vec<_> = some.iter().map(|r| (r.photo, r.target)).collect();
+        let fitting = self.photos.prepare(&self.device, &mut self.resources, &photos)?;
+        let batch = &some[..fitting];
+        let statistics = batch.iter().any(|r| r.accumulate_statistics);
+        let needs = RequiredCapacity {
+            geometry: batch.iter().any(|r| r.loss.needs_geometry()),
+            ..self.needs(batch.iter().map(|r| r.camera), true, statistics)
+        };
+        self.capacity.ensure(&self.device, &mut self.resources, &needs)?;
+        let mut reports = Vec::new();
+        for (request, (status, stages)) in batch.iter().zip(self.submit_steps(task, batch)?) {
+            if status.done == 1 {
+                reports.push(self.report(request, &status, stages));
+            } else {
+                match self.grow_pairs(&status, &needs) {
+                    // The next call meets it again.
+                    Err(Error::DeviceFull(_)) if !reports.is_empty() => {}
+                    grown => grown?,
                 }
             }
         }

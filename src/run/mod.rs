@@ -4,6 +4,7 @@
 mod batch;
 mod batch_table;
 mod config;
+mod device_estimate;
 mod evaluations;
 mod first_model;
 mod folder;
@@ -30,6 +31,7 @@ mod work;
 pub use batch::{BatchRun, RunState, batch_runs, share};
 pub use batch_table::{BatchTable, Row, RowStatus, to_json as table_to_json};
 pub use config::{MAX_RESOLUTION_MIN, RunConfig, SaveImages};
+pub use device_estimate::{DeviceEstimate, DeviceNeed};
 pub use evaluations::StagedFolder;
 pub use first_model::{fresh_model, fresh_state};
 pub use folder::{

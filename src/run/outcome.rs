@@ -102,7 +102,7 @@ impl Recorder<'_> {
                 params_published: state.model.size().params_published(),
                 disk,
             },
-            growth: GrowthFigures::new(&state.growth, state.step, schedule.densify_until),
+            growth: GrowthFigures::new(&state.growth, &state.device, state.step, schedule.densify_until),
             pruned: state.history.pruned.clone(),
             fps,
             curve: state.history.curve.clone(),

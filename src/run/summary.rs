@@ -5,7 +5,7 @@ use super::profile::Profile;
 use crate::backend::DeviceInfo;
 use crate::eval::Evaluation;
 use crate::train::density::{Components, Growth};
-use crate::train::{CurvePoint, Policy, Pruned};
+use crate::train::{CurvePoint, DeviceBound, Policy, Pruned};
 use crate::{Result, Warning, atomic_file, input_file};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -94,16 +94,21 @@ pub struct GrowthFigures {
 pub enum EndOfGrowth {
     /// More parameters lowered the training error too little.
     Need,
+    /// The device had no room for more.
+    Device,
     /// The steps of density control that may add were over.
     Timetable,
 }
 
 impl GrowthFigures {
     /// The figures after a step, of a run that may grow until `densify_until`.
-    pub fn new(growth: &Growth, step: u32, densify_until: u32) -> Self {
-        let by_timetable = (step >= densify_until).then_some((densify_until, EndOfGrowth::Timetable));
-        let by_need = growth.has_ended().then_some((growth.ended_step, EndOfGrowth::Need));
-        let ended = by_need.or(by_timetable);
+    pub fn new(growth: &Growth, device: &DeviceBound, step: u32, densify_until: u32) -> Self {
+        let ends = [
+            growth.has_ended().then_some((growth.ended_step, EndOfGrowth::Need)),
+            (device.ended_step > 0).then_some((device.ended_step, EndOfGrowth::Device)),
+            (step >= densify_until).then_some((densify_until, EndOfGrowth::Timetable)),
+        ];
+        let ended = ends.into_iter().flatten().min_by_key(|&(step, _)| step);
         Self { ended_step: ended.map(|(step, _)| step), ended_by: ended.map(|(_, by)| by) }
     }
 }
@@ -252,14 +257,16 @@ mod tests {
 
     #[test]
     fn summaries_say_what_ended_growth() {
-        let ended = |ended_step: u32, step: u32| {
+        let ended = |ended_step: u32, by_device: u32, step: u32| {
             let growth = Growth { ended_step, ..Growth::default() };
-            let figures = GrowthFigures::new(&growth, step, 70);
+            let device = DeviceBound { ended_step: by_device, ..DeviceBound::default() };
+            let figures = GrowthFigures::new(&growth, &device, step, 70);
             (figures.ended_step, figures.ended_by)
         };
-        assert_eq!(ended(0, 69), (None, None));
-        assert_eq!(ended(0, 70), (Some(70), Some(EndOfGrowth::Timetable)));
+        assert_eq!(ended(0, 0, 69), (None, None));
+        assert_eq!(ended(0, 0, 70), (Some(70), Some(EndOfGrowth::Timetable)));
         // What ended first counts.
-        assert_eq!(ended(40, 100), (Some(40), Some(EndOfGrowth::Need)));
+        assert_eq!(ended(40, 0, 100), (Some(40), Some(EndOfGrowth::Need)));
+        assert_eq!(ended(40, 30, 100), (Some(30), Some(EndOfGrowth::Device)));
     }
 }

@@ -121,7 +121,7 @@ mod tests {
     use std::sync::Arc;
 
     const LIMITS: DeviceLimits =
-        DeviceLimits { max_side_px: 100, max_pixels: 6_000, max_splats: 50, max_texels: 400 };
+        DeviceLimits { max_side_px: 100, max_pixels: 6_000, max_splats: 50, max_texels: 400, max_pairs: 900 };
 
     struct Views(Vec<Camera>);
 

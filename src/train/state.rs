@@ -1,30 +1,15 @@
 //! The state from which a run continues bit for bit, and its history of times and evaluations.
 
 use super::density::{Growth, SplatHistory};
+use super::device_bound::DeviceBound;
 use super::exposure::Exposures;
 use super::prune::Pruned;
+pub use super::size_figures::SizeFigures;
 use crate::backend::WindowStatistics;
 use crate::frequency::SplatBudget;
-use crate::model::{AdamState, Model, ModelSize};
+use crate::model::{AdamState, Model};
 use crate::rounding::LastRounding;
 use serde::{Deserialize, Serialize};
-
-/// Size of a model, as events tell it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct SizeFigures {
-    /// Number of splats.
-    pub splats: usize,
-    /// Number of texels over all maps.
-    pub texels: usize,
-    /// Floats that the model holds ([`ModelSize::params`]).
-    pub params: usize,
-}
-
-impl From<ModelSize> for SizeFigures {
-    fn from(size: ModelSize) -> Self {
-        Self { splats: size.splats, texels: size.texels, params: size.params() }
-    }
-}
 
 /// One evaluation of the test views during a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -105,6 +90,8 @@ pub struct TrainState {
     pub pace: SplatBudget,
     /// How growth has paid so far.
     pub growth: Growth,
+    /// What the run keeps to because its device holds no more.
+    pub device: DeviceBound,
     /// Loss of each view when it was last rendered at the current image size; 0: not yet. Empty before the first step.
     pub view_losses: Vec<f32>,
     /// The last rounding, if the model is trained as its file will hold it.
@@ -131,6 +118,7 @@ impl TrainState {
             exposures: Exposures::default(),
             pace: SplatBudget::new(0),
             growth: Growth::default(),
+            device: DeviceBound::default(),
             view_losses: Vec::new(),
             rounded: None,
             history: TrainHistory::default(),

@@ -6,12 +6,12 @@ use super::density::{self, DensityCounts, Revision, Situation, SplatHistory, Spl
 use super::exposure::Exposures;
 use super::random::RandomStream;
 use super::schedule::Schedule;
-use super::state::TrainState;
-use crate::Result;
+use super::state::{SizeFigures, TrainState};
 use crate::backend::{Backend, DeviceLimits, WindowStatistics};
 use crate::camera::Camera;
 use crate::frequency::{FrequencySchedule, SplatBudget};
-use crate::model::ModelSize;
+use crate::model::{Model, ModelSize};
+use crate::{Error, Result};
 
 /// A resolution stage: what the frequency schedule sets from one density-control step to the next.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,17 +23,17 @@ pub(super) struct Stage {
 }
 
 impl Stage {
-    /// The stage at a step.
+    /// The stage at a step, of at least a render scale.
     pub fn at(
         config: &TrainConfig,
         schedule: &Schedule,
         frequency: &FrequencySchedule,
         smaller_side_px: u32,
-        step: u32,
+        (step, least_scale): (u32, f64),
     ) -> Self {
         let (t, rules) = (schedule.stage_share(step), config.scheduler.rules.set());
         Self {
-            render_scale: frequency.render_scale(t, rules.scale, smaller_side_px),
+            render_scale: frequency.render_scale(t, rules.scale, smaller_side_px).max(least_scale),
             texture_cap: frequency.texture_cap(t, rules.cap),
         }
     }
@@ -52,9 +52,19 @@ pub(super) struct DensityControl<'a> {
     pub limits: DeviceLimits,
 }
 
+/// What a density-control step did.
+pub(super) struct Revised {
+    /// In numbers of splats and maps.
+    pub counts: DensityCounts,
+    /// Size of the model after it.
+    pub size: SizeFigures,
+    /// What the device has no room for, when that first kept the model from growing, or kept it as it was.
+    pub no_room: Option<String>,
+}
+
 impl DensityControl<'_> {
-    /// Decides and applies the revision due after `state.step`. Returns what it did, and splats and texels
-    /// after it. With `use_statistics` a new window begins; without, maps are only fitted.
+    /// Decides and applies the revision due after `state.step`, to a model of the size `now`. With `use_statistics` a new window
+    /// begins; without, maps are only fitted. Where the device has no room, the model stays without growth, or as it is.
     ///
     /// # Errors
     /// Whatever the backend reports.
@@ -62,30 +72,84 @@ impl DensityControl<'_> {
         &self,
         backend: &mut dyn Backend,
         state: &mut TrainState,
+        now: SizeFigures,
         use_statistics: bool,
-    ) -> Result<(DensityCounts, ModelSize)> {
-        let model = backend.read_flushed()?;
+    ) -> Result<Revised> {
         let statistics = backend.read_statistics()?;
-        let revision = self.decide(&model, &statistics, state, use_statistics);
-        let mut size = model.size();
-        state.histories = revision.histories;
-        if let Some(plan) = &revision.plan {
-            backend.apply_plan(plan)?;
-            size = plan.size_after(&model);
-        }
+        let mut revised = match backend.read_flushed() {
+            Ok(model) => self.revise(backend, state, (&model, &statistics), use_statistics)?,
+            Err(Error::DeviceFull(no_room)) => {
+                state.device.end_growth(now, state.step);
+                Revised { counts: DensityCounts::default(), size: now, no_room: Some(no_room) }
+            }
+            Err(error) => return Err(error),
+        };
         if use_statistics {
-            backend.set_statistics(&WindowStatistics::empty(size.splats))?;
+            backend.set_statistics(&WindowStatistics::empty(revised.size.splats))?;
             state.window_views.clear();
+            let reached = self.reached(state, now, &revised);
+            revised.no_room = revised.no_room.or(reached);
+            state.device.pairs = 0;
         } else {
             // The splats are the same, so their window continues.
             backend.set_statistics(&statistics)?;
         }
-        Ok((revision.counts, size))
+        Ok(revised)
+    }
+
+    /// What the device has no more room for, the first time that it bounds growth.
+    fn reached(&self, state: &mut TrainState, before: SizeFigures, revised: &Revised) -> Option<String> {
+        if !self.grows(state) || state.device.ended_step > 0 {
+            return None;
+        }
+        let Revised { counts, size, .. } = revised;
+        let scale = self.stage.render_scale;
+        let fitting = state.device.fitting_splats(&self.limits, before.splats, scale);
+        let what = state.device.reached(&self.limits, *size, fitting, counts, scale)?;
+        // Maps may go on growing: their texels are bounded by the device's limits.
+        state.device.budget.max_splats = Some(size.splats);
+        state.device.ended_step = state.step;
+        Some(what)
+    }
+
+    /// Decides and applies a revision; where it does not fit, one without growth, and else none.
+    fn revise(
+        &self,
+        backend: &mut dyn Backend,
+        state: &mut TrainState,
+        (model, statistics): (&Model, &WindowStatistics),
+        use_statistics: bool,
+    ) -> Result<Revised> {
+        let (now, pace) = (SizeFigures::from(model.size()), state.pace);
+        let mut no_room = None;
+        loop {
+            let revision = self.decide(model, statistics, state, use_statistics);
+            let size = revision.plan.as_ref().map_or(now, |plan| plan.size_after(model).into());
+            match revision.plan.as_ref().map_or(Ok(()), |plan| backend.apply_plan(plan)) {
+                Ok(()) => {
+                    state.histories = revision.histories;
+                    return Ok(Revised { counts: revision.counts, size, no_room });
+                }
+                Err(Error::DeviceFull(what)) => {
+                    state.pace = pace;
+                    state.device.end_growth(now, state.step);
+                    if no_room.replace(what).is_some() {
+                        return Ok(Revised { counts: DensityCounts::default(), size: now, no_room });
+                    }
+                }
+                Err(error) => return Err(error),
+            }
+        }
+    }
+
+    /// Whether splats and maps may grow after a step.
+    fn grows(&self, state: &TrainState) -> bool {
+        state.step <= self.schedule.densify_until && !state.growth.has_ended()
     }
 
     fn decide(
         &self,
-        model: &crate::model::Model,
+        model: &Model,
         statistics: &WindowStatistics,
         state: &mut TrainState,
         use_statistics: bool,
@@ -104,7 +168,7 @@ impl DensityControl<'_> {
         };
         let max_splits = (split_share * n as f64) as usize;
         let timing = Timing {
-            grows: use_statistics && step <= schedule.densify_until && !state.growth.has_ended(),
+            grows: use_statistics && self.grows(state),
             use_statistics,
             texels_trained: step >= schedule.texture_start + schedule.density_interval,
             may_coarsen: schedule.may_coarsen(step),
@@ -138,7 +202,7 @@ impl DensityControl<'_> {
             texture_cap: self.stage.texture_cap,
             timing,
             charge: Charge::for_file(config.max_bytes.is_some()),
-            budget: budget.within(&self.limits),
+            budget: state.device.within(&budget, &self.limits, n, self.stage.render_scale),
             initial_splats: state.pace.initial,
             seed: RandomStream::Growth.seed(config.seed, step),
         };

@@ -16,6 +16,8 @@
 //! initial splats, momentum |
 //! | `state.view_losses` | f32 `[views]`: loss of each view when it was last rendered; 0: not at this size |
 //! | `state.growth` | f64 `[4]`: loss and parameters at the end of the window before, 0 if unknown; idle windows; step of the end |
+//! | `state.device` | f64 `[6]`: most splats, texels and parameters, -1 without bound; step of the end of growth; least render scale;
+//! most pairs of a step |
 //! | `exposure.maps`, `exposure.sums` | f32 `[v,3,4]`, f64 `[v,22]`: the sums of the epoch; v = views, or 0 without correction |
 //! | `rounded.*` | of a model that is trained as its file will hold it: see `rounded.rs` |
 //! | `window.views`, `window.counts`, `window.sums` | u32 `[views]`, u32 `[n + 1]`: views counted, views that saw each; f32 `[3,n]` |
@@ -29,8 +31,8 @@ use crate::camera::Similarity;
 use crate::constants::{SH_DEGREE_MAX, sh_coefficients};
 use crate::frequency::SplatBudget;
 use crate::model::{AdamState, Filter, LearningRates, Model, TextureMap, TexturePool};
-use crate::train::density::{Growth, SplatHistory};
-use crate::train::{Exposures, TrainHistory, TrainState};
+use crate::train::density::{Budget, Growth, SplatHistory};
+use crate::train::{DeviceBound, Exposures, TrainHistory, TrainState};
 use glam::DVec3;
 use safetensors::Dtype;
 use std::collections::BTreeMap;
@@ -86,6 +88,11 @@ pub fn tensors(state: &TrainState) -> BTreeMap<String, Tensor<'_>> {
     let (loss, params) = before.unwrap_or_default();
     let growth = vec![loss, params as f64, idle_windows.into(), ended_step.into()];
     put("state.growth", Tensor::new(&[4], Data::F64(growth)));
+    let DeviceBound { budget, ended_step, least_scale, pairs } = state.device;
+    let [splats, texels, params] = [budget.max_splats, budget.max_texels, budget.max_params]
+        .map(|most| most.map_or(-1.0, |most| most as f64));
+    let device = vec![splats, texels, params, ended_step.into(), least_scale, pairs as f64];
+    put("state.device", Tensor::new(&[6], Data::F64(device)));
     put("state.pace", Tensor::new(&[2], Data::F64(vec![state.pace.initial as f64, state.pace.momentum])));
     let exposures = &state.exposures;
     let numbers: Vec<f32> = exposures.maps.iter().flat_map(|map| map.0).flatten().collect();
@@ -159,6 +166,7 @@ pub fn state(reader: &mut Reader<'_>) -> Result<TrainState> {
         exposures: exposures(reader)?,
         pace: pace(reader)?,
         growth: growth(reader)?,
+        device: device(reader)?,
         view_losses: {
             let views = reader.first_dimension("state.view_losses")?;
             f32s(reader.take("state.view_losses", Dtype::F32, &[views])?)
@@ -198,6 +206,26 @@ fn growth(reader: &mut Reader<'_>) -> Result<Growth> {
         before: Some((values[0], values[1] as usize)).filter(|&(loss, _)| loss > 0.0),
         idle_windows: values[2] as u32,
         ended_step: values[3] as u32,
+    })
+}
+
+fn device(reader: &mut Reader<'_>) -> Result<DeviceBound> {
+    let values = f64s(reader.take("state.device", Dtype::F64, &[6])?);
+    if !values.iter().all(|v| v.is_finite()) || values[4] < 1.0 {
+        return Err(reader.invalid(format!(
+            "tensor \"state.device\": found {values:?}, expected finite numbers and a render scale of at least 1"
+        )));
+    }
+    let most = |value: f64| (value >= 0.0).then_some(value as usize);
+    Ok(DeviceBound {
+        budget: Budget {
+            max_splats: most(values[0]),
+            max_texels: most(values[1]),
+            max_params: most(values[2]),
+        },
+        ended_step: values[3] as u32,
+        least_scale: values[4],
+        pairs: values[5] as u64,
     })
 }
 

@@ -7,8 +7,8 @@ use crate::frequency::SplatBudget;
 use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TextureMap, TexturePool};
 use crate::rounding::{LastRounding, Offsets, Quantisation};
 use crate::train::Pruned;
-use crate::train::density::{Growth, SplatHistory};
-use crate::train::{CurvePoint, Exposures, SizeFigures, TrainHistory};
+use crate::train::density::{Budget, Growth, SplatHistory};
+use crate::train::{CurvePoint, DeviceBound, Exposures, SizeFigures, TrainHistory};
 use glam::DVec3;
 use litetex_exporters::ltgs::Steps;
 use safetensors::Dtype;
@@ -92,6 +92,12 @@ fn sample(n: usize, sh_degree: u32) -> TrainState {
         exposures: exposures(),
         pace: SplatBudget { initial: n, momentum: 12.5 },
         growth: Growth { before: Some((0.125, 900)), idle_windows: 1, ended_step: 6 },
+        device: DeviceBound {
+            budget: Budget { max_splats: Some(n), max_texels: None, max_params: Some(900) },
+            ended_step: 5,
+            least_scale: 1.25,
+            pairs: 1 << 33,
+        },
         view_losses: vec![0.5, 0.0, 0.25, 0.125],
         rounded: Some(LastRounding { steps, step: 6, is_last: true, offsets }),
         history: history(n),
@@ -252,7 +258,7 @@ fn errors_name_the_tensor_what_was_found_and_what_was_expected() {
     );
     assert_eq!(
         message(edited(&bytes, "extra", Some((Dtype::U8, vec![1], vec![0])))),
-        "x.safetensors: tensor \"extra\" is not part of \"litetex-checkpoint/14\""
+        "x.safetensors: tensor \"extra\" is not part of \"litetex-checkpoint/15\""
     );
     let same_shape = Some((Dtype::F32, vec![4, 3], vec![0; 48]));
     assert!(message(edited(&bytes, "splats.positions", same_shape)).contains("checksum"));
@@ -295,6 +301,6 @@ fn other_layouts_are_unsupported_not_invalid() {
     assert_eq!(
         error.to_string(),
         "x.safetensors: layout \"litetex-checkpoint/1\" (written by litetex 9.0.0), this program reads \
-         \"litetex-checkpoint/14\""
+         \"litetex-checkpoint/15\""
     );
 }

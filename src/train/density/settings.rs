@@ -175,6 +175,16 @@ impl Budget {
         }
     }
 
+    /// The smaller bounds of both.
+    pub fn and(&self, other: &Self) -> Self {
+        let part = |a: Option<usize>, b: Option<usize>| a.into_iter().chain(b).min();
+        Self {
+            max_splats: part(self.max_splats, other.max_splats),
+            max_texels: part(self.max_texels, other.max_texels),
+            max_params: part(self.max_params, other.max_params),
+        }
+    }
+
     /// This budget on a device with limits: splats and texels are bounded by the smaller of both.
     pub fn within(&self, device: &DeviceLimits) -> Self {
         let part = |most: Option<usize>, device: u64| {

@@ -5,12 +5,12 @@ use super::costs::SplatCosts;
 use super::cut::Cut;
 use super::offers::Offers;
 use super::round::{Pruned, Round, TrainingViews, db};
-use crate::Result;
 use crate::backend::{Backend, Probe, SavedState, probed};
 use crate::camera::Camera;
 use crate::model::Model;
 use crate::train::density::SplatHistory;
 use crate::train::schedule::MOST_PROBES;
+use crate::{Error, Result};
 use rand::seq::SliceRandom as _;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64Mcg;
@@ -45,6 +45,11 @@ impl Round {
         let outcome = self.run_from(backend, training, &before, &mut after);
         match outcome {
             Ok(_) => *histories = after,
+            Err(Error::DeviceFull(_)) => backend.restore(&before).map_err(|error| match error {
+                // The state is lost.
+                Error::DeviceFull(what) => Error::Device(what),
+                other => other,
+            })?,
             // Only the first error is reported.
             Err(_) => drop(backend.restore(&before)),
         }

@@ -2,13 +2,14 @@
 
 mod batch;
 mod length;
+mod no_room;
 mod reading;
 mod rounding;
 mod trainer;
 
 use batch::PlannedStep;
 pub use reading::NO_SNAPSHOT;
-use trainer::{Clock, Trainer};
+use trainer::{Clock, Trainer, smaller_side_px};
 
 use super::config::TrainConfig;
 use super::density::DensityCounts;
@@ -23,7 +24,7 @@ use super::state::{SizeFigures, TrainState};
 use super::step_costs::StepCosts;
 use super::targets::Targets;
 use super::window::{self, DensityControl, Stage};
-use crate::backend::{Backend, StepReport, StepRequest, WindowStatistics};
+use crate::backend::{Backend, StepReport, WindowStatistics};
 use crate::camera::Camera;
 use crate::clock::process_cpu_secs;
 use crate::frequency::FrequencySchedule;
@@ -94,7 +95,13 @@ pub fn train_by<'a>(
     start.history.analysis_wall_secs += clock.wall_secs() - before_analysis;
     let cameras: Vec<Camera> = train_views.iter().map(|&view| views.camera(view)).collect();
     let smaller_side_px = smaller_side_px(&cameras);
-    let stage = Stage::at(config, &schedule, &frequency, smaller_side_px, start.stage_step);
+    let stage = Stage::at(
+        config,
+        &schedule,
+        &frequency,
+        smaller_side_px,
+        (start.stage_step, start.device.least_scale),
+    );
     let pixels = cameras.iter().map(|camera| camera.pinhole.num_pixels() as f64).sum::<f64>();
     let pixels = pixels / cameras.len() as f64;
     let initial = if start.step == 0 { start.model.num_splats() } else { start.pace.initial };
@@ -126,6 +133,7 @@ pub fn train_by<'a>(
         size,
         state: start,
         saved_secs: clock.began_secs,
+        warnings: Vec::new(),
     };
     trainer.begin_stage(trainer.state.stage_step);
     // The analysis of the photos is part of the training time.
@@ -171,6 +179,7 @@ impl Trainer<'_> {
         let step = self.state.step;
         if step > 0 && self.state.revised_step != step {
             self.revise()?;
+            self.warn(sink)?;
         }
         let is_in_phase = self.schedule.rounding.is_some_and(|phase| self.state.step >= phase.start);
         if self.rounder.is_none() || !is_in_phase {
@@ -224,24 +233,11 @@ impl Trainer<'_> {
     fn batch(&mut self, sink: Sink<'_>) -> Result<Control> {
         let clock = Clock::start(self.timing);
         let share_before = self.schedule.share(self.state.step);
-        let batch = self.plan_batch()?;
-        let requests: Vec<StepRequest<'_>> = batch.iter().map(|planned| self.request(planned)).collect();
-        let reports = match self.backend.steps(&requests) {
-            Ok(reports) if reports.len() == batch.len() => reports,
-            outcome => {
-                // A checkpoint saved now must include the steps done before the backend failed. What they showed of
-                // the exposures is lost: their views keep their maps for another epoch.
-                if let Ok((_, adam)) = self.backend.read_back() {
-                    let done = adam.step.saturating_sub(self.state.step) as usize;
-                    self.advance(done.min(batch.len()));
-                }
-                let reports = outcome?.len();
-                return Err(Error::Device(format!("{reports} reports for {} steps", batch.len())));
-            }
-        };
+        let (batch, reports) = self.fitting_batch()?;
         for (planned, report) in batch.iter().zip(&reports) {
             self.state.exposures.record(planned.view, report.colour_sums);
             self.state.view_losses[planned.view] = report.loss.total as f32;
+            self.state.device.observe(report.counters.tile_pairs);
         }
         self.advance(batch.len());
         let diverged = reports.iter().position(|report| !report.loss.total.is_finite());
@@ -266,6 +262,7 @@ impl Trainer<'_> {
         let times = [wall_secs, process_cpu_secs() - clock.cpu_secs];
         let finite_steps = diverged.unwrap_or(batch.len());
         let mut control = self.report((&batch, &reports[..finite_steps]), size, times, sink)?;
+        control = control.max(self.warn(sink)?);
         if let Some((counts, pruned)) = changed {
             let (size, step, Stage { render_scale, texture_cap }) = (self.size, self.state.step, self.stage);
             let event = TrainEvent::DensityControl {
@@ -310,15 +307,18 @@ impl Trainer<'_> {
             stage: self.stage,
             limits: self.limits,
         };
-        let (counts, size) = density.step(self.backend, &mut self.state, use_statistics)?;
-        self.size = size.into();
+        let revised = density.step(self.backend, &mut self.state, self.size, use_statistics)?;
+        self.size = revised.size;
+        if let Some(what) = revised.no_room {
+            self.growth_ended(&what);
+        }
         if due {
             self.begin_stage(step);
         }
         // A round of pruning that fails is not repeated on resume.
         self.state.revised_step = step;
         let pruned = self.prune()?;
-        Ok(due.then_some((counts, pruned)))
+        Ok(due.then_some((revised.counts, pruned)))
     }
 
     /// With growth by need: compares the loss of all training views with that before, at full image size.
@@ -347,7 +347,14 @@ impl Trainer<'_> {
         let clock = Clock::start(self.timing);
         let mut round = Round::of(config, &self.schedule, step);
         round.max_bytes = self.rounder.as_ref().map(|rounder| rounder.splat_bytes());
-        let pruned = round.run(self.backend, &mut training, &mut self.state.histories)?;
+        let pruned = match round.run(self.backend, &mut training, &mut self.state.histories) {
+            // Without a bound to meet, the model may stay as it is.
+            Err(Error::DeviceFull(what)) if !round.is_bounded() => {
+                self.not_pruned(&what);
+                None
+            }
+            outcome => outcome?,
+        };
         if let Some(pruned) = &pruned {
             let splats = self.state.histories.len();
             self.size = SizeFigures { splats, texels: pruned.texels, params: pruned.params };
@@ -372,7 +379,8 @@ impl Trainer<'_> {
 
     fn stage_at(&self, step: u32) -> Stage {
         let smaller_side_px = smaller_side_px(&self.cameras);
-        Stage::at(self.config, &self.schedule, &self.frequency, smaller_side_px, step)
+        let at = (step, self.state.device.least_scale);
+        Stage::at(self.config, &self.schedule, &self.frequency, smaller_side_px, at)
     }
 
     /// Reports the steps of a batch, each with an even share of its `[wall, cpu]` seconds. The backend has done
@@ -407,8 +415,4 @@ impl Trainer<'_> {
         }
         Ok(control)
     }
-}
-
-fn smaller_side_px(cameras: &[Camera]) -> u32 {
-    cameras.iter().map(|c| c.pinhole.width_px.min(c.pinhole.height_px)).min().unwrap_or(1)
 }

@@ -7,6 +7,7 @@ use super::super::schedule::Schedule;
 use super::super::state::{SizeFigures, TrainState};
 use super::super::targets::Targets;
 use super::super::window::Stage;
+use crate::Warning;
 use crate::backend::{Backend, DeviceLimits};
 use crate::camera::Camera;
 use crate::clock::process_cpu_secs;
@@ -39,6 +40,8 @@ pub struct Trainer<'a> {
     pub state: TrainState,
     /// When the last checkpoint was made, or training began.
     pub saved_secs: f64,
+    /// Warnings to be reported.
+    pub warnings: Vec<Warning>,
 }
 
 /// Start of a span of training time.
@@ -56,4 +59,9 @@ impl<'a> Clock<'a> {
     pub fn wall_secs(&self) -> f64 {
         (self.timing.now)() - self.began_secs
     }
+}
+
+/// Smallest side of the views, in pixels.
+pub fn smaller_side_px(cameras: &[Camera]) -> u32 {
+    cameras.iter().map(|c| c.pinhole.width_px.min(c.pinhole.height_px)).min().unwrap_or(1)
 }

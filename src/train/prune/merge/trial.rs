@@ -138,7 +138,10 @@ impl Round {
             };
             let requests: Vec<StepRequest<'_>> =
                 batch.iter().zip(photos.iter().map(Arc::as_ref)).map(request).collect();
-            backend.steps(&requests)?;
+            let done = backend.steps(&requests)?.len();
+            if done < requests.len() {
+                backend.steps(&requests[done..])?;
+            }
         }
         Ok(())
     }
