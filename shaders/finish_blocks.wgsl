@@ -1,4 +1,4 @@
-// Sums opacity and texture terms, visible splats and faults over each block of GROUP splats, in a fixed order;
+// Sums opacity and texture terms and faults over each block of GROUP splats, in a fixed order;
 // `finish` sums the blocks (no twin).
 // Workgroup: a block of splats. Invocation: a splat.
 
@@ -13,7 +13,7 @@
 @group(0) @binding(2) var<storage, read_write> splat_sums: array<SplatSums>; // [n / GROUP]
 
 var<workgroup> sums: array<vec2f, GROUP>;
-var<workgroup> counts: array<vec2u, GROUP>;
+var<workgroup> faults: array<u32, GROUP>;
 
 @compute @workgroup_size(GROUP)
 fn finish_blocks(
@@ -27,22 +27,22 @@ fn finish_blocks(
     }
     let i = block * GROUP + lane;
     var sum = vec2f(0.0);
-    var count = vec2u(0u);
+    var own_faults = 0u;
     if i < step.num_splats && bounds[i].num_tiles > 0u {
         sum = vec2f(step.opacity_weight * bounds[i].opacity, step.texture_weight * bounds[i].texture_sum);
-        count = vec2u(1u, bounds[i].faults);
+        own_faults = bounds[i].faults;
     }
     sums[lane] = sum;
-    counts[lane] = count;
+    faults[lane] = own_faults;
     workgroupBarrier();
     for (var half = GROUP / 2u; half > 0u; half /= 2u) {
         if lane < half {
             sums[lane] += sums[lane + half];
-            counts[lane] += counts[lane + half];
+            faults[lane] += faults[lane + half];
         }
         workgroupBarrier();
     }
     if lane == 0u {
-        splat_sums[block] = SplatSums(sums[0].x, sums[0].y, counts[0].x, counts[0].y);
+        splat_sums[block] = SplatSums(sums[0].x, sums[0].y, faults[0]);
     }
 }

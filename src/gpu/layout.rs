@@ -136,12 +136,12 @@ pub const FLAG_COUNT_ATOMICS: u32 = 16;
 pub struct SortPass {
     /// Number of key bits below the digit.
     pub shift: u32,
-    /// 1: one key per pair, as counted in the status; 0: one per splat.
+    /// 1: one key per pair, 0: one per visible splat, as counted in the status.
     pub counts_pairs: u32,
     /// 1: the values are the indices of the keys, and are not read.
     pub identity_values: u32,
-    /// Pads to a multiple of 16 bytes.
-    pub pad: u32,
+    /// 1: another pass follows, whose digits are counted on the way.
+    pub counts_next: u32,
 }
 
 /// What a splat has besides its parameters: position and size of its map, its SH degree (`shaders/common/splat.wgsl`).
@@ -207,7 +207,7 @@ pub const PROJECTED_BYTES: u64 = 96;
 /// Bytes of a splat's bounds (`shaders/common/bounds.wgsl`), which the host never reads back.
 pub const BOUNDS_BYTES: u64 = 64;
 /// Bytes of the sums over a block of splats (`shaders/common/splat_sums.wgsl`), which the host never reads back.
-pub const SPLAT_SUMS_BYTES: u64 = 16;
+pub const SPLAT_SUMS_BYTES: u64 = 12;
 
 /// Results of a step that the host reads (`shaders/common/status.wgsl`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]

@@ -4,7 +4,7 @@ use super::device::GpuDevice;
 use super::kernels::Buf;
 use super::resources::Resources;
 use super::shader::BLOCK;
-use super::sort::histogram_entries;
+use super::sort::{group_list_entries, histogram_entries};
 use super::uniform::partial_stride;
 use crate::Result;
 use std::collections::BTreeMap;
@@ -62,7 +62,9 @@ impl Capacity {
             (true, Buf::KeysB, "sort keys", keys, 4),
             (true, Buf::ValuesA, "sort keys", keys, 4),
             (true, Buf::ValuesB, "sort keys", keys, 4),
-            (true, Buf::Histogram, "sort histograms", histogram, 4),
+            (true, Buf::HistogramA, "sort histograms", histogram, 4),
+            (true, Buf::HistogramB, "sort histograms", histogram, 4),
+            (true, Buf::GroupLists, "lists of visible splats", group_list_entries(splats), 4),
             (true, Buf::SlotSplat, "tile-splat pairs", pairs, 4),
             (true, Buf::Pairs, "tile-splat pairs", pairs, 16),
             (true, Buf::SlotOffsets, "prefix sums", splats, 4),

@@ -111,7 +111,7 @@ pub(super) fn mirrors() -> Vec<Mirror> {
                 pad1,
             }
         ),
-        mirror!("SortPass", SortPass { shift, counts_pairs, identity_values, pad }),
+        mirror!("SortPass", SortPass { shift, counts_pairs, identity_values, counts_next }),
         mirror!(
             "SplatInfo",
             SplatInfo { map_offset_texels, map_size, texel_sizes, map_origin, last_step, parameters }
