@@ -6,7 +6,7 @@
 #include common/splat_sums
 #include common/status
 
-@group(0) @binding(1) var<storage, read> splat_sums: array<SplatSums>; // [n / GROUP]
+@group(0) @binding(1) var<storage, read> splat_sums: array<SplatSums>; // [visible / GROUP]
 @group(0) @binding(2) var<storage, read> loss_partials: array<vec4f>; // [tiles] |d|, 1 - ssim, d^2
 @group(0) @binding(3) var<storage, read_write> status: array<Status>;
 #if GEOMETRY
@@ -27,7 +27,7 @@ fn finish(@builtin(local_invocation_index) lane: u32) {
     }
     var texture_sum = 0.0;
     var own_faults = 0u;
-    for (var block = lane; block < (step.num_splats + GROUP - 1u) / GROUP; block += GROUP) {
+    for (var block = lane; block < (status[step.status_slot].visible + GROUP - 1u) / GROUP; block += GROUP) {
         let sums = splat_sums[block];
         loss.w += sums.opacity;
         texture_sum += sums.texture;

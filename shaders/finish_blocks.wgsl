@@ -1,6 +1,6 @@
-// Sums opacity and texture terms and faults over each block of GROUP splats, in a fixed order;
+// Sums opacity and texture terms and faults over each block of GROUP visible splats, in a fixed order;
 // `finish` sums the blocks (no twin).
-// Workgroup: a block of splats. Invocation: a splat.
+// Workgroup: a block of visible splats. Invocation: a visible splat.
 
 #constants
 #include common/groups
@@ -10,7 +10,8 @@
 #include common/splat_sums
 
 @group(0) @binding(1) var<storage, read> bounds: array<Bounds>; // [n]
-@group(0) @binding(2) var<storage, read_write> splat_sums: array<SplatSums>; // [n / GROUP]
+@group(0) @binding(2) var<storage, read_write> splat_sums: array<SplatSums>; // [visible / GROUP]
+@group(0) @binding(3) var<storage, read> visible: array<u32>; // [1 + n] number of visible splats, then these, ascending
 
 var<workgroup> sums: array<vec2f, GROUP>;
 var<workgroup> faults: array<u32, GROUP>;
@@ -22,13 +23,14 @@ fn finish_blocks(
     @builtin(local_invocation_index) lane: u32,
 ) {
     let block = group_index(group, groups);
-    if block * GROUP >= step.num_splats {
+    if block * GROUP >= visible[0] {
         return;
     }
-    let i = block * GROUP + lane;
+    let place = block * GROUP + lane;
     var sum = vec2f(0.0);
     var own_faults = 0u;
-    if i < step.num_splats && bounds[i].num_tiles > 0u {
+    if place < visible[0] {
+        let i = visible[1u + place];
         sum = vec2f(step.opacity_weight * bounds[i].opacity, step.texture_weight * bounds[i].texture_sum);
         own_faults = bounds[i].faults;
     }

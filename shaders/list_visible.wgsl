@@ -17,6 +17,7 @@
 @group(0) @binding(4) var<storage, read_write> keys_out: array<u32>; // [visible] depth
 @group(0) @binding(5) var<storage, read_write> values_out: array<u32>; // [visible] splats
 @group(0) @binding(6) var<storage, read_write> histogram: array<u32>; // common/digit_counts
+@group(0) @binding(7) var<storage, read_write> visible: array<u32>; // [1 + n] number of visible splats, then these, ascending
 
 // The group that holds a place of the list: the last one that begins at or before it.
 fn group_of(place: u32) -> u32 {
@@ -50,6 +51,7 @@ fn list_visible(
             let key = bounds[splat].depth_key;
             keys_out[place] = key;
             values_out[place] = splat;
+            visible[1u + place] = splat;
             count_digit(key);
         }
     }

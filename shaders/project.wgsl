@@ -1,5 +1,6 @@
 // Projects every splat to the view: bounds, number of tiles, depth key and base colour (twin: reference/project.rs;
 // method 1.2, 2.2, 2.3, 2.5); lists the visible ones of each group. Flushes the SH of visible splats on the way.
+// FLAG_UNSEEN: before, splats that the step before did not see take it. FLAG_NO_VIEW: nothing else.
 // GEOMETRY: also writes normals.
 // Workgroup: GROUP splats. Invocation: a splat.
 
@@ -14,6 +15,7 @@
 #include common/adam
 #include common/sh
 #include common/list_group
+#include common/unseen
 
 @group(0) @binding(1) var<storage, read_write> splat_p: array<f32>; // [num_splat_floats]
 @group(0) @binding(2) var<storage, read_write> splat_m: array<f32>; // [num_splat_floats]
@@ -37,7 +39,12 @@ fn project(
     clear_list(lane);
     var num_tiles = 0u;
     if i < step.num_splats {
-        num_tiles = project_splat(i);
+        if has_flag(FLAG_UNSEEN) && bounds[i].depth_key == INVISIBLE_KEY {
+            step_unseen(first_float(splat_info[i].parameters));
+        }
+        if !has_flag(FLAG_NO_VIEW) {
+            num_tiles = project_splat(i);
+        }
     }
     list_splat(block, lane, num_tiles);
 }
@@ -83,6 +90,7 @@ fn project_splat(i: u32) -> u32 {
         }
     }
     footprint.opacity = stored_opacity;
+    footprint.parameters = splat_info[i].parameters;
     if footprint.num_tiles == 0u {
         bounds[i] = footprint;
         return 0u;

@@ -1,4 +1,4 @@
-// Sums the partial sums of each splat's pairs in a fixed order (no twin: part of what `project_bwd` computes).
+// Sums the partial sums of each visible splat's pairs in a fixed order (no twin: part of what `project_bwd` computes).
 // Workgroup: GROUP sums. Invocation: one sum of a splat.
 
 #constants
@@ -9,7 +9,8 @@
 
 @group(0) @binding(1) var<storage, read> bounds: array<Bounds>; // [n]
 @group(0) @binding(2) var<storage, read> partials: array<f32>; // [K, partial_stride] by slot
-@group(0) @binding(3) var<storage, read_write> splat_totals: array<f32>; // [n, partial_stride] of visible splats
+@group(0) @binding(3) var<storage, read_write> splat_totals: array<f32>; // [visible, partial_stride]
+@group(0) @binding(4) var<storage, read> visible: array<u32>; // [1 + n] number of visible splats, then these, ascending
 
 // Slots that are added up side by side, so that their reads do not wait for each other.
 const PARTS = 4u;
@@ -22,14 +23,11 @@ fn sum_pairs(
 ) {
     let index = group_index(group, groups) * GROUP + lane;
     let stride = step.partial_stride;
-    let i = index / stride;
-    if i >= step.num_splats {
+    if index / stride >= visible[0] {
         return;
     }
+    let i = visible[1u + index / stride];
     let count = bounds[i].num_tiles;
-    if count == 0u {
-        return;
-    }
     var at = bounds[i].first_slot * stride + index % stride;
     var parts = vec4f(0.0);
     for (var left = count / PARTS; left > 0u; left -= 1u) {

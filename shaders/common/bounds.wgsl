@@ -23,8 +23,9 @@ struct Bounds {
     opacity: f32,
     // INVISIBLE_KEY if it touches no tile.
     depth_key: u32,
-    pad1: u32,
-    pad2: u32,
+    // Those of its record.
+    parameters: u32,
+    pad: u32,
 }
 
 // Depth key of invisible splats, above all others.

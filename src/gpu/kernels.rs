@@ -26,6 +26,7 @@ pub enum Buf {
     HistogramA,
     HistogramB,
     GroupLists,
+    Visible,
     SlotOffsets,
     BlockSums,
     SlotSplat,
@@ -109,10 +110,10 @@ pub enum Groups {
     EachSplat,
     /// One workgroup, once the pairs are counted.
     OneLater,
-    /// One workgroup per splat, once the pairs are counted.
-    EachSplatLater,
-    /// One invocation per splat, once the pairs are counted.
-    SplatsLater,
+    /// One workgroup per visible splat.
+    EachVisible,
+    /// One invocation per visible splat.
+    Visible,
     /// One workgroup per block of [`super::shader::BLOCK`] visible splats.
     VisibleBlocks,
     /// One workgroup per digit of the sort.
@@ -125,12 +126,12 @@ pub enum Groups {
     PairsAndTiles,
     /// One workgroup per block of [`super::shader::BLOCK`] pairs.
     PairBlocks,
-    /// One invocation per sum of a splat, once the pairs are counted.
-    SplatTotals,
+    /// One invocation per sum of a visible splat.
+    VisibleTotals,
 }
 
 /// Entries of the table of indirect dispatches.
-pub const NUM_GROUPS: u32 = Groups::SplatTotals as u32 + 1;
+pub const NUM_GROUPS: u32 = Groups::VisibleTotals as u32 + 1;
 
 /// Binding of the [`super::layout::SortPass`], in the kernels of the sort.
 pub const SORT_PASS_BINDING: u32 = 15;
@@ -179,9 +180,9 @@ kernels! {
         Project [];
         ProjectGeometry ["GEOMETRY"] + [write normals = Normals];
     }
-    "flush_texel", EachSplat, [
+    "flush_texel", EachVisible, [
         write texel_p = TexelP, write texel_m = TexelM, write texel_v = TexelV, write texel_values = TexelValues,
-        write splat_info = SplatInfo, read bounds = Bounds,
+        write splat_info = SplatInfo, read visible = Visible,
     ] => { FlushTexel [] }
     "flush_splat", EachSplat, [
         write splat_p = SplatP, write splat_m = SplatM, write splat_v = SplatV, read splat_info = SplatInfo,
@@ -218,30 +219,31 @@ kernels! {
         RasterBwdGeometry ["STATISTICS", "GEOMETRY"];
         RasterBwdGeometryScatter ["STATISTICS", "GEOMETRY", "SCATTER"];
     }
-    "sum_pairs", SplatTotals, [
-        read bounds = Bounds, read partials = Partials, write splat_totals = SplatTotals,
+    "sum_pairs", VisibleTotals, [
+        read bounds = Bounds, read partials = Partials, write splat_totals = SplatTotals, read visible = Visible,
     ] => { SumPairs [] }
-    "project_bwd", SplatsLater, [
+    "project_bwd", Visible, [
         write splat_p = SplatP, write splat_m = SplatM, write splat_v = SplatV, read projected = Projected,
-        write bounds = Bounds, read splat_totals = SplatTotals, write statistics = Statistics, read splat_info = SplatInfo,
+        write bounds = Bounds, read splat_totals = SplatTotals, write statistics = Statistics, read visible = Visible,
     ] => {
         ProjectBwd [];
         ProjectBwdGeometry ["GEOMETRY"];
     }
-    "adam_texel", EachSplatLater, [
+    "adam_texel", EachVisible, [
         write texel_p = TexelP, write texel_m = TexelM, write texel_v = TexelV, write texel_grad = TexelGrad,
         write texel_values = TexelValues, write splat_info = SplatInfo, write bounds = Bounds,
+        read visible = Visible,
     ] => { AdamTexel [] }
     "prepare_probes", EachSplat, [
         write splat_p = SplatP, write splat_m = SplatM, write texel_p = TexelP, write texel_m = TexelM,
         write splat_info = SplatInfo,
     ] => { PrepareProbes [] }
-    "probe_costs", EachSplatLater, [
+    "probe_costs", EachVisible, [
         read splat_p = SplatP, write splat_m = SplatM, read texel_p = TexelP, write texel_m = TexelM,
-        read splat_info = SplatInfo, write costs = Costs,
+        read splat_info = SplatInfo, write costs = Costs, read visible = Visible,
     ] => { ProbeCosts [] }
-    "finish_blocks", SplatsLater, [
-        read bounds = Bounds, write splat_sums = SplatSums,
+    "finish_blocks", Visible, [
+        read bounds = Bounds, write splat_sums = SplatSums, read visible = Visible,
     ] => { FinishBlocks [] }
     "finish", OneLater, [
         read splat_sums = SplatSums, read loss_partials = LossPartials, write status = Status,
@@ -285,11 +287,11 @@ kernels! {
         write geometry_partials = GeometryPartials,
     ] => { GeometryLoss ["GEOMETRY"] }
     "visible_sums", One, [
-        write status = Status, write group_lists = GroupLists, write args = Args,
+        write status = Status, write group_lists = GroupLists, write args = Args, write visible = Visible,
     ] => { VisibleSums [] }
     "list_visible", VisibleBlocks, [
         read status = Status, read group_lists = GroupLists, read bounds = Bounds, write keys_out = KeysA,
-        write values_out = ValuesA, write histogram = HistogramA,
+        write values_out = ValuesA, write histogram = HistogramA, write visible = Visible,
     ] => { ListVisible [] }
     "sort_scan", Digits, [
         read status = Status, write histogram = HistogramA, write next_histogram = HistogramB,

@@ -106,10 +106,18 @@ pub struct StepUniform {
     pub filter_px2: f32,
     /// What the first moments of a probe are multiplied by.
     pub probe_scale: f32,
-    /// Pads to a multiple of 16 bytes.
-    pub pad0: u32,
-    /// As `pad0`.
-    pub pad1: u32,
+    /// Learning rate of centres in the last completed step, for splats that it did not see.
+    pub last_rate_position: f32,
+    /// As `last_rate_position`, of quaternions.
+    pub last_rate_quaternion: f32,
+    /// As `last_rate_position`, of log-scales.
+    pub last_rate_log_scale: f32,
+    /// As `last_rate_position`, of opacity logits.
+    pub last_rate_opacity: f32,
+    /// `m_correction` of the last completed step.
+    pub last_m_correction: f32,
+    /// `v_correction_sqrt` of the last completed step.
+    pub last_v_correction_sqrt: f32,
 }
 
 /// Sums of a tile-splat pair.
@@ -129,6 +137,10 @@ pub const FLAG_ALL_MAPS: u32 = 4;
 pub const FLAG_SECOND_MOMENTS: u32 = 8;
 /// The variant that counts global atomics reports them in place of faults.
 pub const FLAG_COUNT_ATOMICS: u32 = 16;
+/// Splats that the step before in the submission did not see take that step.
+pub const FLAG_UNSEEN: u32 = 32;
+/// Nothing else, as no step follows in the submission.
+pub const FLAG_NO_VIEW: u32 = 64;
 
 /// One pass of the radix sort (`shaders/common/sort.wgsl`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]

@@ -66,6 +66,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "common/texel_window",
     "common/tile",
     "common/tile_sums",
+    "common/unseen",
     "common/window",
     "adam_texel",
     "edit_splats",
@@ -220,15 +221,15 @@ pub fn shared_constants() -> (Named<f64>, Named<u32>) {
         ("NUM_GROUPS", NUM_GROUPS),
         ("GROUPS_ONE", Groups::One as u32),
         ("GROUPS_ONE_LATER", Groups::OneLater as u32),
-        ("GROUPS_EACH_SPLAT_LATER", Groups::EachSplatLater as u32),
-        ("GROUPS_SPLATS_LATER", Groups::SplatsLater as u32),
+        ("GROUPS_EACH_VISIBLE", Groups::EachVisible as u32),
+        ("GROUPS_VISIBLE", Groups::Visible as u32),
         ("GROUPS_VISIBLE_BLOCKS", Groups::VisibleBlocks as u32),
         ("GROUPS_DIGITS", Groups::Digits as u32),
         ("GROUPS_TILES", Groups::Tiles as u32),
         ("GROUPS_LOSS_TILES", Groups::LossTiles as u32),
         ("GROUPS_PAIRS_AND_TILES", Groups::PairsAndTiles as u32),
         ("GROUPS_PAIR_BLOCKS", Groups::PairBlocks as u32),
-        ("GROUPS_SPLAT_TOTALS", Groups::SplatTotals as u32),
+        ("GROUPS_VISIBLE_TOTALS", Groups::VisibleTotals as u32),
     ];
     (floats, integers)
 }

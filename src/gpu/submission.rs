@@ -3,11 +3,12 @@
 
 use super::encode::Dispatch;
 use super::kernels::{Buf, KernelId};
-use super::layout::{FLAG_COUNT_ATOMICS, MAX_SIDE_PX, PAIR_SUMS_GEOMETRY, Status};
+use super::layout::{FLAG_COUNT_ATOMICS, FLAG_UNSEEN, MAX_SIDE_PX, PAIR_SUMS_GEOMETRY, Status};
 use super::resources::UniformOffsets;
 use super::sort;
+use super::pace::BATCH;
 use super::state::{GpuBackend, PendingStep};
-use super::uniform;
+use super::uniform::{self, UniformInputs};
 use super::view_buffers::RequiredCapacity;
 use crate::Result;
 use crate::backend::{ColourSums, LossValues, RasterCounters, StepReport, StepRequest};
@@ -95,6 +96,14 @@ impl GpuBackend {
         }
         out.extend(kernels.into_iter().map(|id| Dispatch::new(id, offsets)));
         out
+    }
+
+    /// The dispatch after the last of these steps, in which splats that it did not see take it. Within a submission the next
+    /// step does this, by the same kernel: the bits do not depend on how many steps are submitted at a time.
+    fn end_dispatch(&self, inputs: &UniformInputs, requests: &[StepRequest<'_>]) -> Dispatch {
+        let offsets = self.set_uniform(BATCH, &uniform::end(inputs));
+        let geometry = requests.last().is_some_and(|r| r.loss.needs_geometry());
+        Dispatch::new(if geometry { KernelId::ProjectGeometry } else { KernelId::Project }, offsets)
     }
 
     /// Compiles the kernels for depths and normals when they are first needed.
@@ -200,10 +209,14 @@ impl GpuBackend {
         for (slot, (request, photo_px)) in requests.iter().zip(photos_px).enumerate() {
             let mut uniform = uniform::step(&inputs, request, photo_px, slot as u32);
             match task {
-                Task::Train if self.counts_atomics(request) => uniform.flags |= FLAG_COUNT_ATOMICS,
+                Task::Train => {
+                    uniform.flags |= if slot > 0 { FLAG_UNSEEN } else { 0 };
+                    uniform.flags |= if self.counts_atomics(request) { FLAG_COUNT_ATOMICS } else { 0 };
+                }
                 // As an image: parameters are flushed, but not stored.
                 Task::Compare => (uniform.step, uniform.flags) = (0, 0),
-                Task::Train | Task::Probe => {}
+                // The first moments of splats that it does not see are 0: they stand still.
+                Task::Probe => {}
             }
             let offsets = self.set_uniform(slot, &uniform);
             dispatches.extend(self.task_dispatches(task, offsets, request));
@@ -211,6 +224,9 @@ impl GpuBackend {
             if task != Task::Compare {
                 (inputs.flushed_step, inputs.flushed_rates) = (request.step, request.rates);
             }
+        }
+        if task == Task::Train {
+            dispatches.push(self.end_dispatch(&inputs, requests));
         }
         let pending = |r: &StepRequest<'_>| PendingStep {
             step: r.step,

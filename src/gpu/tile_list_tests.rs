@@ -96,6 +96,7 @@ fn run_visible(harness: &mut Harness, bounds: &[TestBounds], step: StepUniform) 
     fill_junk(harness, bounds.len());
     harness.fill(Buf::Bounds, bounds);
     harness.fill(Buf::GroupLists, &group_lists(bounds));
+    harness.fill(Buf::Visible, &vec![0xabcd_ef01_u32; bounds.len() + 1]);
     harness.fill(Buf::Args, &first_args(n));
     harness.fill(Buf::Status, &[Status::default(); 4]);
     harness.set_step(0, &StepUniform { num_splats: n, status_slot: 2, ..step });
@@ -118,6 +119,8 @@ fn visible_splats_are_listed_in_their_order() {
             };
             let got = |name, count| harness.read::<u32>(name, count);
             assert!(got(Buf::ValuesA, seen.len()) == seen, "{n} splats");
+            let visible = got(Buf::Visible, 1 + seen.len());
+            assert!(visible[0] as usize == seen.len() && visible[1..] == seen);
             assert!(got(Buf::KeysA, seen.len()) == keys(&bounds));
             let counted = seen.len().div_ceil(BLOCK as usize) << DIGIT_BITS;
             assert!(got(Buf::HistogramA, counted) == first_counts(&keys(&bounds))[..counted]);
@@ -152,15 +155,15 @@ fn workgroup_counts_of_later_dispatches_are_folded() {
         let mut expected = first_args(n);
         for (groups, count) in [
             (Groups::OneLater, 1),
-            (Groups::EachSplatLater, n),
-            (Groups::SplatsLater, n.div_ceil(GROUP)),
+            (Groups::EachVisible, seen),
+            (Groups::Visible, u32::div_ceil(seen, GROUP)),
             (Groups::VisibleBlocks, u32::div_ceil(seen, BLOCK)),
             (Groups::Digits, 1 << DIGIT_BITS),
             (Groups::Tiles, num_tiles),
             (Groups::LossTiles, 4096 * 100),
             (Groups::PairsAndTiles, total.div_ceil(GROUP)),
             (Groups::PairBlocks, total.div_ceil(BLOCK)),
-            (Groups::SplatTotals, (n * PAIR_SUMS).div_ceil(GROUP)),
+            (Groups::VisibleTotals, (seen * PAIR_SUMS).div_ceil(GROUP)),
         ] {
             expected[groups as usize] = folded_groups(count);
         }
@@ -193,6 +196,7 @@ fn fill_case(harness: &mut Harness, case: &TileListCase, capacity: u32) {
     let none = [TestBounds::default()];
     harness.fill(Buf::Bounds, if case.bounds.is_empty() { &none[..] } else { &case.bounds });
     harness.zeros(Buf::SlotOffsets, 4 * n);
+    harness.zeros(Buf::Visible, 4 * (n + 1));
     harness.zeros(Buf::BlockSums, 4 * n.div_ceil(BLOCK as usize));
     for (name, bytes) in [
         (Buf::SlotSplat, 4 * capacity as usize),

@@ -21,7 +21,7 @@ pub(super) struct TestBounds {
     pub first_slot: u32,
     results: [u32; 3],
     pub depth_key: u32,
-    pads: [u32; 2],
+    rest: [u32; 2],
 }
 
 /// The splats of a view.

@@ -121,7 +121,7 @@ pub(super) fn traffic(kernel: KernelId, c: &TrafficCounts) -> Vec<(TrafficItem, 
     let cleared = histograms - (first + by_pair);
     let block_sums = c.visible / f64::from(BLOCK) * WORD;
     let group_sums = c.splats / f64::from(GROUP) * WORD;
-    let block_status = (c.splats / f64::from(GROUP)).ceil() * SPLAT_SUMS_BYTES as f64;
+    let block_status = (c.visible / f64::from(GROUP)).ceil() * SPLAT_SUMS_BYTES as f64;
     // Pairs, splats and texels that the rasterisation reads. The forward pass writes the windows, the backward pass
     // reads them.
     let scene = 8.0 * c.tiles + (PAIR + PROJECTED + WINDOW) * c.pairs + 16.0 * c.visible_texels;
@@ -131,18 +131,20 @@ pub(super) fn traffic(kernel: KernelId, c: &TrafficCounts) -> Vec<(TrafficItem, 
             let visible = (INFO + c.sh_floats * WORD + PROJECTED + WORD) * c.visible;
             // Both moments are read, values and moments written.
             let lagging = 5.0 * WORD * c.sh_floats * c.lagging;
-            vec![(I::Preprocess, all + visible), (I::Adam, lagging)]
+            // The others take the step before.
+            let unseen = WORD * c.splats + STATE * GEOMETRY * (c.splats - c.visible);
+            vec![(I::Preprocess, all + visible), (I::Adam, lagging + unseen)]
         }
         K::FlushTexel => {
-            let records = WORD * c.splats + INFO * c.visible + WORD * c.lagging;
+            let records = (WORD + INFO) * c.visible + WORD * c.lagging;
             vec![(I::Adam, records + (STATE + WORD) * 3.0 * c.lagging_texels)]
         }
         K::VisibleSums => {
             let table = f64::from(crate::gpu::kernels::NUM_GROUPS) * size_of::<DispatchArgs>() as f64;
             vec![(I::Sort, 3.0 * group_sums + table)]
         }
-        // List, key, and both where they are sorted; places of the groups.
-        K::ListVisible => vec![(I::Sort, 4.0 * WORD * c.visible + group_sums + first)],
+        // List, key, and both where they are sorted, the list of all; places of the groups.
+        K::ListVisible => vec![(I::Sort, 5.0 * WORD * c.visible + group_sums + first)],
         K::SortScan => vec![(I::Sort, 2.0 * histograms + cleared)],
         K::SortScatter => vec![(I::Sort, histograms + 3.0 * WORD * sorted + WORD * values + ATOMIC * counted)],
         K::PrefixBlocks => vec![(I::Sort, 3.0 * WORD * c.visible + block_sums)],
@@ -173,23 +175,23 @@ pub(super) fn traffic(kernel: KernelId, c: &TrafficCounts) -> Vec<(TrafficItem, 
             let sums = PARTIALS * c.pairs + ATOMIC * c.texel_atomics;
             vec![(I::Backward, scene + (8.0 + 16.0) * c.pixels + sums)]
         }
-        // Number of pairs of all splats, and first slot of visible ones.
+        // The splats with number of pairs and first slot.
         K::SumPairs => {
-            vec![(I::Backward, WORD * (c.splats + c.visible) + PARTIALS * (c.pairs + c.visible))]
+            vec![(I::Backward, 3.0 * WORD * c.visible + PARTIALS * (c.pairs + c.visible))]
         }
         K::ProjectBwd => {
-            // Number of pairs and place of the parameters of all splats; faults of visible ones.
-            let sums = 2.0 * WORD * c.splats + (PROJECTED + WORD + PARTIALS) * c.visible;
-            let state = STATE * (GEOMETRY * c.splats + c.sh_floats * c.visible);
+            // The splats with place of their parameters, opacity and faults.
+            let sums = (4.0 * WORD + PROJECTED + PARTIALS) * c.visible;
+            let state = STATE * (GEOMETRY + c.sh_floats) * c.visible;
             vec![(I::Backward, sums), (I::Adam, state)]
         }
         K::AdamTexel => {
-            // Number of pairs of all splats; box, residual sum and record of visible ones. Gradients
+            // The splats with box, residual sum and record. Gradients
             // are read and zeroed, activated texels written.
-            let records = WORD * c.splats + (3.0 * WORD + INFO + WORD) * c.visible;
+            let records = (5.0 * WORD + INFO) * c.visible;
             vec![(I::Adam, records + (STATE + 3.0 * WORD) * 3.0 * c.visible_texels)]
         }
-        K::FinishBlocks => vec![(I::Status, WORD * c.splats + 3.0 * WORD * c.visible + block_status)],
+        K::FinishBlocks => vec![(I::Status, 4.0 * WORD * c.visible + block_status)],
         K::Finish => vec![(I::Status, block_status + 16.0 * c.tiles + size_of::<Status>() as f64)],
         // Not part of a step, or only used for depths and normals or exposures.
         K::ProjectGeometry
