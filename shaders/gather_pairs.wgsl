@@ -1,5 +1,5 @@
-// Writes slot and splat of each tile-splat pair in the sorted order, and finds the range of each tile's pairs by binary
-// search (twin: gpu/tile_list_twin.rs). raster_fwd adds the pairs' texel windows, because it reads the splats anyway.
+// Writes the splat of each tile-splat pair in the sorted order, and to its slot the place in it, and finds the range of each
+// tile's pairs by binary search (twin: gpu/tile_list_twin.rs). raster_fwd adds the pairs' texel windows, because it reads the splats anyway.
 // Workgroup: GROUP pairs, and as many tiles. Invocation: a pair, and a tile.
 
 #constants
@@ -10,8 +10,8 @@
 @group(0) @binding(1) var<storage, read> status: array<Status>; // [ring]
 @group(0) @binding(2) var<storage, read> keys_in: array<u32>; // [num_pairs] tiles, ascending
 @group(0) @binding(3) var<storage, read> values_in: array<u32>; // [num_pairs] slots, by tile
-@group(0) @binding(4) var<storage, read> slot_splat: array<u32>; // [num_pairs]
-@group(0) @binding(5) var<storage, read_write> pairs: array<vec2u>; // [2, pair_capacity] by tile, front to back
+@group(0) @binding(4) var<storage, read_write> slots: array<u32>; // [num_pairs] splat, then place of the pair
+@group(0) @binding(5) var<storage, read_write> pairs: array<u32>; // [3, pair_capacity] by tile, front to back
 @group(0) @binding(6) var<storage, read_write> ranges_out: array<vec2u>; // [num_tiles] first, past
 
 @compute @workgroup_size(GROUP)
@@ -23,7 +23,8 @@ fn gather_pairs(
     let i = group_index(id, groups) * GROUP + lane;
     if i < status[step.status_slot].needed_pairs {
         let slot = values_in[i];
-        pairs[i] = vec2u(slot, slot_splat[slot]);
+        pairs[i] = slots[slot];
+        slots[slot] = i;
     }
     if i < step.grid.x * step.grid.y {
         let first = lower_bound(i, 0u);

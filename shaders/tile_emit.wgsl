@@ -17,7 +17,7 @@
 @group(0) @binding(4) var<storage, read> block_sums: array<u32>; // [num_blocks] first slots
 @group(0) @binding(5) var<storage, read_write> bounds: array<Bounds>; // [n]
 @group(0) @binding(6) var<storage, read_write> keys_out: array<u32>; // [num_pairs] tiles
-@group(0) @binding(7) var<storage, read_write> slot_splat: array<u32>; // [num_pairs]
+@group(0) @binding(7) var<storage, read_write> slots: array<u32>; // [num_pairs] splats
 @group(0) @binding(8) var<storage, read_write> histogram: array<u32>; // common/digit_counts
 
 fn first_slot_of(rank: u32) -> u32 {
@@ -93,7 +93,7 @@ fn tile_emit(
             }
             let tile = tile_of(splat, first_slot, slot);
             keys_out[slot] = tile;
-            slot_splat[slot] = splat;
+            slots[slot] = splat;
             count_digit(tile);
         }
     }

@@ -74,6 +74,11 @@ struct Step {
     last_rate_opacity: f32,
     last_m_correction: f32,
     last_v_correction_sqrt: f32,
+    // The pairs whose partial sums the buffer holds, in the order of tiles: first and number.
+    partial_first: u32,
+    partial_capacity: u32,
+    pad0: u32,
+    pad1: u32,
 }
 
 // Flushed parameters are stored: a training step, not an image.

@@ -29,7 +29,7 @@ pub enum Buf {
     Visible,
     SlotOffsets,
     BlockSums,
-    SlotSplat,
+    Slots,
     Pairs,
     TileRanges,
     Partials,
@@ -221,6 +221,7 @@ kernels! {
     }
     "sum_pairs", VisibleTotals, [
         read bounds = Bounds, read partials = Partials, write splat_totals = SplatTotals, read visible = Visible,
+        read slots = Slots,
     ] => { SumPairs [] }
     "project_bwd", Visible, [
         write splat_p = SplatP, write splat_m = SplatM, write splat_v = SplatV, read projected = Projected,
@@ -307,10 +308,10 @@ kernels! {
     "prefix_sums", OneLater, [read status = Status, write block_sums = BlockSums] => { PrefixSums [] }
     "tile_emit", PairBlocks, [
         read status = Status, read values_in = ValuesA, read slot_offsets = SlotOffsets, read block_sums = BlockSums,
-        write bounds = Bounds, write keys_out = KeysA, write slot_splat = SlotSplat, write histogram = HistogramA,
+        write bounds = Bounds, write keys_out = KeysA, write slots = Slots, write histogram = HistogramA,
     ] => { TileEmit [] }
     "gather_pairs", PairsAndTiles, [
-        read status = Status, read keys_in = KeysB, read values_in = ValuesB, read slot_splat = SlotSplat,
+        read status = Status, read keys_in = KeysB, read values_in = ValuesB, write slots = Slots,
         write pairs = Pairs, write ranges_out = TileRanges,
     ] => { GatherPairs [] }
 }

@@ -118,6 +118,14 @@ pub struct StepUniform {
     pub last_m_correction: f32,
     /// `v_correction_sqrt` of the last completed step.
     pub last_v_correction_sqrt: f32,
+    /// First pair, in the order of tiles, whose partial sums the buffer holds.
+    pub partial_first: u32,
+    /// Number of pairs whose partial sums it can hold.
+    pub partial_capacity: u32,
+    /// Pads to a multiple of 16 bytes.
+    pub pad0: u32,
+    /// As `pad0`.
+    pub pad1: u32,
 }
 
 /// Sums of a tile-splat pair.

@@ -126,6 +126,10 @@ pub(super) fn order_and_bin(step: UniformOffsets, num_tiles: u32) -> Vec<Dispatc
 /// Pass `index` of a sort, with entry `entry` of the table of sort passes.
 fn pass(step: UniformOffsets, index: u32, entry: u32, blocks: Groups) -> [Dispatch; 2] {
     let offsets = UniformOffsets { sort_pass: entry * UNIFORM_STRIDE as u32, ..step };
-    [(KernelId::SortScan, Groups::Digits), (KernelId::SortScatter, blocks)]
-        .map(|(kernel, groups)| Dispatch { kernel, groups, swapped: index % 2 == 1, offsets })
+    [(KernelId::SortScan, Groups::Digits), (KernelId::SortScatter, blocks)].map(|(kernel, groups)| Dispatch {
+        kernel,
+        groups,
+        swapped: index % 2 == 1,
+        offsets,
+    })
 }

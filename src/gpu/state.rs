@@ -11,7 +11,7 @@ use super::shader::{HALF_TILE_ROWS_PX, HALF_TILES, TILE_PX};
 use super::sort;
 use super::timing::Timer;
 use super::uniform::{self, UniformInputs};
-use super::view_buffers::Capacity;
+use super::view_buffers::{Capacity, MOST_ROUNDS};
 use crate::Result;
 use crate::camera::Similarity;
 use crate::model::{AdamState, Filter, LearningRates, Model, SplatArrays, TexturePool};
@@ -83,7 +83,7 @@ impl GpuBackend {
             device.pipelines(&raster.without_geometry(), tile_flags(tile_rows_px), checks_indices)?;
         let passes = sort::sort_passes();
         let mut resources = Resources::new(
-            device.uniforms("steps", BATCH as u64 + 1)?,
+            device.uniforms("steps", (MOST_ROUNDS * BATCH + 1) as u64)?,
             device.uniforms("sort passes", passes.len() as u64)?,
         );
         for (i, pass) in passes.iter().enumerate() {

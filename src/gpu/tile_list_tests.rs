@@ -8,7 +8,8 @@ use super::layout::{DispatchArgs, PAIR_SUMS, Status, StepUniform};
 use super::resources::UniformOffsets;
 use super::shader::{BLOCK, DEPTH_KEY_BITS, DIGIT_BITS, GROUP, MAX_GROUPS};
 use super::sort::{
-    first_args, first_counts, folded_groups, num_tile_passes, order_and_bin, pair_slots, sort_args, visible_list,
+    first_args, first_counts, folded_groups, num_tile_passes, order_and_bin, pair_slots, sort_args,
+    visible_list,
 };
 use super::sort_tests::{SORT, STEP, fill_junk, open_all};
 use super::tile_list_twin::{TestBounds, TileListCase, grid_of, group_lists};
@@ -79,7 +80,7 @@ fn slots_are_prefix_sums_across_blocks() {
     }
 }
 
-/// Splats that touch so many tiles, with random depths.
+/// Splats that touch these numbers of tiles, with random depths.
 fn touching(counts: &[u32]) -> Vec<TestBounds> {
     let mut rng = Pcg32::seed_from_u64(8);
     let mut bounds = |&num_tiles: &u32| {
@@ -112,7 +113,11 @@ fn visible_splats_are_listed_in_their_order() {
             let counts: Vec<u32> =
                 (0..n).map(|_| u32::from(rng.random_bool(share)) * rng.random_range(1..9)).collect();
             let mut bounds = touching(&counts);
-            run_visible(&mut harness, &bounds, StepUniform { pair_capacity: 1 << 30, ..StepUniform::default() });
+            run_visible(
+                &mut harness,
+                &bounds,
+                StepUniform { pair_capacity: 1 << 30, ..StepUniform::default() },
+            );
             let seen: Vec<u32> = (0..n).filter(|&i| counts[i as usize] > 0).collect();
             let keys = |bounds: &[TestBounds]| -> Vec<u32> {
                 seen.iter().map(|&i| bounds[i as usize].depth_key).collect()
@@ -169,7 +174,10 @@ fn workgroup_counts_of_later_dispatches_are_folded() {
         }
         let got = harness.read::<DispatchArgs>(Buf::Args, NUM_GROUPS as usize);
         assert_eq!(got, expected);
-        assert!(got[Groups::PairsAndTiles as usize].y > 1 && got[Groups::Tiles as usize].y > 1, "some are folded");
+        assert!(
+            got[Groups::PairsAndTiles as usize].y > 1 && got[Groups::Tiles as usize].y > 1,
+            "some are folded"
+        );
     }
 }
 
@@ -199,8 +207,8 @@ fn fill_case(harness: &mut Harness, case: &TileListCase, capacity: u32) {
     harness.zeros(Buf::Visible, 4 * (n + 1));
     harness.zeros(Buf::BlockSums, 4 * n.div_ceil(BLOCK as usize));
     for (name, bytes) in [
-        (Buf::SlotSplat, 4 * capacity as usize),
-        (Buf::Pairs, 16 * capacity as usize),
+        (Buf::Slots, 4 * capacity as usize),
+        (Buf::Pairs, 12 * capacity as usize),
         (Buf::TileRanges, 8 * case.num_tiles() as usize),
     ] {
         harness.fill(name, &vec![0xabcd_ef01_u32; bytes / 4]);
@@ -230,24 +238,27 @@ fn step_of(case: &TileListCase, slot: u32, capacity: u32) -> StepUniform {
     }
 }
 
-/// Splats of each tile as the device lists them. Also checks that the slots are those of the splats.
+/// Splats of each tile as the device lists them. Also checks that the slots lead to the pairs of their splats.
 fn read_lists(harness: &Harness, case: &TileListCase) -> Vec<Vec<u32>> {
     let total = harness.read::<Status>(Buf::Status, 1)[0].needed_pairs as usize;
-    let pairs = harness.read::<[u32; 2]>(Buf::Pairs, total);
+    let pairs = harness.read::<u32>(Buf::Pairs, total);
     let bounds = harness.read::<TestBounds>(Buf::Bounds, case.bounds.len());
-    let mut slots: Vec<u32> = pairs.iter().map(|pair| pair[0]).collect();
-    slots.sort_unstable();
-    assert!(slots.into_iter().eq(0..total as u32), "each slot has one pair");
+    let places = harness.read::<u32>(Buf::Slots, total);
+    let mut sorted = places.clone();
+    sorted.sort_unstable();
+    assert!(sorted.into_iter().eq(0..total as u32), "each place has one slot");
     let ranges = harness.read::<[u32; 2]>(Buf::TileRanges, case.num_tiles() as usize);
-    // A splat must sum only the slots of pairs that are in a tile: no kernel writes the others.
-    let mut summed = 0;
-    for [slot, splat] in ranges.iter().flat_map(|&[a, b]| &pairs[a as usize..b as usize]) {
-        let TestBounds { first_slot, num_tiles, .. } = bounds[*splat as usize];
-        assert!((first_slot..first_slot + num_tiles).contains(slot), "slot {slot} of splat {splat}");
-        summed += 1;
+    let listed: u32 = ranges.iter().map(|&[first, past]| past - first).sum();
+    // A splat must sum only pairs that are in a tile: no kernel writes the others.
+    for (splat, TestBounds { first_slot, num_tiles, .. }) in
+        (0..).zip(&bounds).filter(|(_, b)| b.num_tiles > 0)
+    {
+        let own = &places[*first_slot as usize..(first_slot + num_tiles) as usize];
+        assert!(own.iter().all(|&place| place < listed && pairs[place as usize] == splat), "splat {splat}");
+        assert!(own.is_sorted(), "its pairs have the same order by slot and by place");
     }
-    assert_eq!(bounds.iter().map(|b| b.num_tiles).sum::<u32>(), summed);
-    ranges.iter().map(|&[a, b]| pairs[a as usize..b as usize].iter().map(|pair| pair[1]).collect()).collect()
+    assert_eq!(bounds.iter().map(|b| b.num_tiles).sum::<u32>(), listed);
+    ranges.iter().map(|&[a, b]| pairs[a as usize..b as usize].to_vec()).collect()
 }
 
 #[test]
@@ -303,8 +314,8 @@ fn pairs_that_do_not_fit_disable_all_later_dispatches() {
         };
         let status: Vec<u32> = needed(&harness);
         assert_eq!(status, [total, 0], "the second step fits, but follows one that does not");
-        let untouched = vec![[0xabcd_ef01_u32; 2]; total as usize];
-        assert_eq!(harness.read::<[u32; 2]>(Buf::Pairs, total as usize), untouched);
+        let untouched = vec![0xabcd_ef01_u32; total as usize];
+        assert_eq!(harness.read::<u32>(Buf::Pairs, total as usize), untouched);
 
         // Negative control: with room for one more pair, both steps are applied.
         fill_case(&mut harness, &case, total);
@@ -313,7 +324,7 @@ fn pairs_that_do_not_fit_disable_all_later_dispatches() {
         assert!(args.iter().all(|a| a.x * a.y * a.z > 0), "{args:?}");
         let status: Vec<u32> = needed(&harness);
         assert_eq!(status, [total, total]);
-        assert_ne!(harness.read::<[u32; 2]>(Buf::Pairs, total as usize), untouched);
+        assert_ne!(harness.read::<u32>(Buf::Pairs, total as usize), untouched);
     }
 }
 

@@ -1,7 +1,8 @@
 //! Fills in the uniforms of training steps and images.
 
 use super::layout::{
-    FLAG_NO_VIEW, FLAG_PERSIST, FLAG_STATISTICS, FLAG_UNSEEN, PAIR_SUMS, PAIR_SUMS_GEOMETRY, PAIR_SUMS_STATISTICS, StepUniform,
+    FLAG_NO_VIEW, FLAG_PERSIST, FLAG_STATISTICS, FLAG_UNSEEN, PAIR_SUMS, PAIR_SUMS_GEOMETRY,
+    PAIR_SUMS_STATISTICS, StepUniform,
 };
 use super::shader::{FIXED_MAX, TILE_PX};
 use crate::backend::{ColourMap, LossWeights, StepRequest, probe_scale};

@@ -98,8 +98,8 @@ const ATOMIC: f64 = 2.0 * WORD;
 const GEOMETRY: f64 = 10.0;
 /// Bytes to update a parameter: value and both moments, read and written.
 const STATE: f64 = 6.0 * WORD;
-/// Bytes of a pair's slot and splat, and of its texel window (`shaders/common/projected.wgsl`).
-const PAIR: f64 = 8.0;
+/// Bytes of a pair's splat, and of its texel window (`shaders/common/projected.wgsl`).
+const PAIR: f64 = 4.0;
 const WINDOW: f64 = 8.0;
 const PROJECTED: f64 = PROJECTED_BYTES as f64;
 const BOUNDS: f64 = BOUNDS_BYTES as f64;
@@ -117,7 +117,8 @@ pub(super) fn traffic(kernel: KernelId, c: &TrafficCounts) -> Vec<(TrafficItem, 
     // passes; the others clear and add to the counts of the next.
     let values = sorted - c.pairs;
     let counted = sorted - (c.visible + c.pairs);
-    let [first, by_pair] = [c.visible, c.pairs].map(|keys| keys / f64::from(BLOCK) * f64::from(1 << DIGIT_BITS) * WORD);
+    let [first, by_pair] =
+        [c.visible, c.pairs].map(|keys| keys / f64::from(BLOCK) * f64::from(1 << DIGIT_BITS) * WORD);
     let cleared = histograms - (first + by_pair);
     let block_sums = c.visible / f64::from(BLOCK) * WORD;
     let group_sums = c.splats / f64::from(GROUP) * WORD;
@@ -146,7 +147,9 @@ pub(super) fn traffic(kernel: KernelId, c: &TrafficCounts) -> Vec<(TrafficItem, 
         // List, key, and both where they are sorted, the list of all; places of the groups.
         K::ListVisible => vec![(I::Sort, 5.0 * WORD * c.visible + group_sums + first)],
         K::SortScan => vec![(I::Sort, 2.0 * histograms + cleared)],
-        K::SortScatter => vec![(I::Sort, histograms + 3.0 * WORD * sorted + WORD * values + ATOMIC * counted)],
+        K::SortScatter => {
+            vec![(I::Sort, histograms + 3.0 * WORD * sorted + WORD * values + ATOMIC * counted)]
+        }
         K::PrefixBlocks => vec![(I::Sort, 3.0 * WORD * c.visible + block_sums)],
         K::PrefixSums => vec![(I::Sort, 2.0 * block_sums)],
         // Splats in depth order, with their slots and bounds; the pairs' tiles and splats.
@@ -154,10 +157,10 @@ pub(super) fn traffic(kernel: KernelId, c: &TrafficCounts) -> Vec<(TrafficItem, 
             let splats = (2.0 * WORD + BOUNDS + WORD) * c.visible + block_sums;
             vec![(I::Sort, splats + 2.0 * WORD * c.pairs + by_pair)]
         }
-        // Slots and splats of the pairs; binary searches for both ends of a tile's range.
+        // Slots, splats and places of the pairs; binary searches for both ends of a tile's range.
         K::GatherPairs => {
             let ranges = c.tiles * (8.0 + 2.0 * WORD * c.pairs.max(1.0).log2().ceil());
-            vec![(I::Sort, (2.0 * WORD + PAIR) * c.pairs + ranges)]
+            vec![(I::Sort, (3.0 * WORD + PAIR) * c.pairs + ranges)]
         }
         K::RasterFwd | K::RasterFwdCount | K::RasterFwdBatched | K::RasterFwdBatchedCount => {
             vec![(I::Forward, scene + (16.0 + 8.0) * c.pixels)]
@@ -175,9 +178,9 @@ pub(super) fn traffic(kernel: KernelId, c: &TrafficCounts) -> Vec<(TrafficItem, 
             let sums = PARTIALS * c.pairs + ATOMIC * c.texel_atomics;
             vec![(I::Backward, scene + (8.0 + 16.0) * c.pixels + sums)]
         }
-        // The splats with number of pairs and first slot.
+        // The splats with number of pairs and first slot; the places of the pairs.
         K::SumPairs => {
-            vec![(I::Backward, 3.0 * WORD * c.visible + PARTIALS * (c.pairs + c.visible))]
+            vec![(I::Backward, 3.0 * WORD * c.visible + WORD * c.pairs + PARTIALS * (c.pairs + c.visible))]
         }
         K::ProjectBwd => {
             // The splats with place of their parameters, opacity and faults.

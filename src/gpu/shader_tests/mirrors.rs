@@ -113,6 +113,10 @@ pub(super) fn mirrors() -> Vec<Mirror> {
                 last_rate_opacity,
                 last_m_correction,
                 last_v_correction_sqrt,
+                partial_first,
+                partial_capacity,
+                pad0,
+                pad1,
             }
         ),
         mirror!("SortPass", SortPass { shift, counts_pairs, identity_values, counts_next }),
