@@ -1,7 +1,7 @@
 // One step of Adam on the texels of every visible splat, with the texture term and the slope of the activation (twin:
 // reference/adam.rs). Also activates the new texels, resets the gradients to zero, and stores the sum of the absolute
 // residuals before the step.
-// Workgroup: a splat. Invocation: every SPLAT_GROUP-th float of its map.
+// Workgroup: a visible splat. Invocation: every SPLAT_GROUP-th float of its map.
 
 #constants
 #include common/groups
@@ -20,6 +20,7 @@
 @group(0) @binding(5) var<storage, read_write> texel_values: array<f32>; // [T, 4] residual rgb
 @group(0) @binding(6) var<storage, read_write> splat_info: array<SplatInfo>; // [n]
 @group(0) @binding(7) var<storage, read_write> bounds: array<Bounds>; // [n]
+@group(0) @binding(8) var<storage, read> visible: array<u32>; // [1 + n] number of visible splats, then these, ascending
 
 var<workgroup> residuals: array<f32, SPLAT_GROUP>;
 
@@ -46,18 +47,18 @@ fn adam_texel(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let i = group_index(group, groups);
-    if i >= step.num_splats {
+    let place = group_index(group, groups);
+    if place >= visible[0] {
         return;
     }
+    let i = visible[1u + place];
     let footprint = bounds[i];
     let info = splat_info[i];
     let texels = num_texels(info.map_size);
-    let num_floats = select(0u, 3u * texels, footprint.num_tiles > 0u);
     let rate = map_rate(step.rate_texel, step.rate_texel_growth, step.rate_texel_growth_limit, texels);
     let units = texel_units(footprint.box_min, footprint.box_max);
     var residual_sum = 0.0;
-    for (var f = lane; f < num_floats; f += SPLAT_GROUP) {
+    for (var f = lane; f < 3u * texels; f += SPLAT_GROUP) {
         residual_sum += update(3u * info.map_offset_texels + f, units, rate);
     }
     residuals[lane] = residual_sum;
@@ -68,7 +69,7 @@ fn adam_texel(
         }
         workgroupBarrier();
     }
-    if lane == 0u && footprint.num_tiles > 0u {
+    if lane == 0u {
         bounds[i].texture_sum = residuals[0];
         splat_info[i].last_step = step.step;
     }

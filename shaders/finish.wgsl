@@ -1,4 +1,4 @@
-// Sums the loss terms and counters of a step into its status, which the host reads; in a fixed order (no twin).
+// Sums the loss terms and faults of a step into its status, which the host reads; in a fixed order (no twin).
 // One workgroup. Invocation: every GROUP-th tile and every GROUP-th block of splats.
 
 #constants
@@ -6,7 +6,7 @@
 #include common/splat_sums
 #include common/status
 
-@group(0) @binding(1) var<storage, read> splat_sums: array<SplatSums>; // [n / GROUP]
+@group(0) @binding(1) var<storage, read> splat_sums: array<SplatSums>; // [visible / GROUP]
 @group(0) @binding(2) var<storage, read> loss_partials: array<vec4f>; // [tiles] |d|, 1 - ssim, d^2
 @group(0) @binding(3) var<storage, read_write> status: array<Status>;
 #if GEOMETRY
@@ -17,7 +17,7 @@ var<workgroup> geometries: array<vec2f, GROUP>;
 
 var<workgroup> losses: array<vec4f, GROUP>; // l1, dssim, mse, opacity
 var<workgroup> textures: array<f32, GROUP>;
-var<workgroup> counts: array<vec2u, GROUP>; // visible splats, faults
+var<workgroup> faults: array<u32, GROUP>;
 
 @compute @workgroup_size(GROUP)
 fn finish(@builtin(local_invocation_index) lane: u32) {
@@ -26,12 +26,12 @@ fn finish(@builtin(local_invocation_index) lane: u32) {
         loss += vec4f(loss_partials[tile].xyz, 0.0);
     }
     var texture_sum = 0.0;
-    var count = vec2u(0u);
-    for (var block = lane; block < (step.num_splats + GROUP - 1u) / GROUP; block += GROUP) {
+    var own_faults = 0u;
+    for (var block = lane; block < (status[step.status_slot].visible + GROUP - 1u) / GROUP; block += GROUP) {
         let sums = splat_sums[block];
         loss.w += sums.opacity;
         texture_sum += sums.texture;
-        count += vec2u(sums.visible, sums.faults);
+        own_faults += sums.faults;
     }
 #if GEOMETRY
     var geometry = vec2f(0.0);
@@ -42,13 +42,13 @@ fn finish(@builtin(local_invocation_index) lane: u32) {
 #endif
     losses[lane] = loss;
     textures[lane] = texture_sum;
-    counts[lane] = count;
+    faults[lane] = own_faults;
     workgroupBarrier();
     for (var half = GROUP / 2u; half > 0u; half /= 2u) {
         if lane < half {
             losses[lane] += losses[lane + half];
             textures[lane] += textures[lane + half];
-            counts[lane] += counts[lane + half];
+            faults[lane] += faults[lane + half];
 #if GEOMETRY
             geometries[lane] += geometries[lane + half];
 #endif
@@ -67,10 +67,9 @@ fn finish(@builtin(local_invocation_index) lane: u32) {
         status[slot].distortion = step.loss_distortion * geometries[0].x * 3.0 / count;
         status[slot].normal = step.loss_normal * geometries[0].y * 3.0 / count;
 #endif
-        status[slot].visible = counts[0].x;
         let counts_atomics = has_flag(FLAG_COUNT_ATOMICS);
-        status[slot].faults = select(counts[0].y, 0u, counts_atomics);
-        status[slot].texel_atomics = select(0u, counts[0].y, counts_atomics);
+        status[slot].faults = select(faults[0], 0u, counts_atomics);
+        status[slot].texel_atomics = select(0u, faults[0], counts_atomics);
         status[slot].done = 1u;
     }
 }

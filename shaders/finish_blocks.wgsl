@@ -1,6 +1,6 @@
-// Sums opacity and texture terms, visible splats and faults over each block of GROUP splats, in a fixed order;
+// Sums opacity and texture terms and faults over each block of GROUP visible splats, in a fixed order;
 // `finish` sums the blocks (no twin).
-// Workgroup: a block of splats. Invocation: a splat.
+// Workgroup: a block of visible splats. Invocation: a visible splat.
 
 #constants
 #include common/groups
@@ -10,10 +10,11 @@
 #include common/splat_sums
 
 @group(0) @binding(1) var<storage, read> bounds: array<Bounds>; // [n]
-@group(0) @binding(2) var<storage, read_write> splat_sums: array<SplatSums>; // [n / GROUP]
+@group(0) @binding(2) var<storage, read_write> splat_sums: array<SplatSums>; // [visible / GROUP]
+@group(0) @binding(3) var<storage, read> visible: array<u32>; // [1 + n] number of visible splats, then these, ascending
 
 var<workgroup> sums: array<vec2f, GROUP>;
-var<workgroup> counts: array<vec2u, GROUP>;
+var<workgroup> faults: array<u32, GROUP>;
 
 @compute @workgroup_size(GROUP)
 fn finish_blocks(
@@ -22,27 +23,28 @@ fn finish_blocks(
     @builtin(local_invocation_index) lane: u32,
 ) {
     let block = group_index(group, groups);
-    if block * GROUP >= step.num_splats {
+    if block * GROUP >= visible[0] {
         return;
     }
-    let i = block * GROUP + lane;
+    let place = block * GROUP + lane;
     var sum = vec2f(0.0);
-    var count = vec2u(0u);
-    if i < step.num_splats && bounds[i].num_tiles > 0u {
+    var own_faults = 0u;
+    if place < visible[0] {
+        let i = visible[1u + place];
         sum = vec2f(step.opacity_weight * bounds[i].opacity, step.texture_weight * bounds[i].texture_sum);
-        count = vec2u(1u, bounds[i].faults);
+        own_faults = bounds[i].faults;
     }
     sums[lane] = sum;
-    counts[lane] = count;
+    faults[lane] = own_faults;
     workgroupBarrier();
     for (var half = GROUP / 2u; half > 0u; half /= 2u) {
         if lane < half {
             sums[lane] += sums[lane + half];
-            counts[lane] += counts[lane + half];
+            faults[lane] += faults[lane + half];
         }
         workgroupBarrier();
     }
     if lane == 0u {
-        splat_sums[block] = SplatSums(sums[0].x, sums[0].y, counts[0].x, counts[0].y);
+        splat_sums[block] = SplatSums(sums[0].x, sums[0].y, faults[0]);
     }
 }

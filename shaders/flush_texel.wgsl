@@ -1,15 +1,13 @@
 // Flushes the texels of every visible splat and activates them (twin: adam_skipped in reference/adam.rs). Without
 // FLAG_PERSIST (images) the flushed parameters are not stored, only activated. FLAG_ALL_MAPS: all splats, visible or
 // not, and also maps that have nothing to flush.
-// Workgroup: a splat. Invocation: every SPLAT_GROUP-th float of its map.
+// Workgroup: a visible splat, with FLAG_ALL_MAPS any. Invocation: every SPLAT_GROUP-th float of its map.
 
 #constants
 #include common/groups
 #include common/numbers
 #include common/step
 #include common/splat
-#include common/projected
-#include common/bounds
 #include common/adam
 
 @group(0) @binding(1) var<storage, read_write> texel_p: array<f32>; // [T, 3]
@@ -17,7 +15,7 @@
 @group(0) @binding(3) var<storage, read_write> texel_v: array<f32>; // [T, 3]
 @group(0) @binding(4) var<storage, read_write> texel_values: array<f32>; // [T, 4] residual rgb
 @group(0) @binding(5) var<storage, read_write> splat_info: array<SplatInfo>; // [n]
-@group(0) @binding(6) var<storage, read> bounds: array<Bounds>; // [n]
+@group(0) @binding(6) var<storage, read> visible: array<u32>; // [1 + n] number of visible splats, then these, ascending
 
 @compute @workgroup_size(SPLAT_GROUP)
 fn flush_texel(
@@ -25,13 +23,14 @@ fn flush_texel(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let i = group_index(group, groups);
-    if i >= step.num_splats {
+    let all = has_flag(FLAG_ALL_MAPS);
+    let place = group_index(group, groups);
+    if place >= select(visible[0], step.num_splats, all) {
         return;
     }
-    let all = has_flag(FLAG_ALL_MAPS);
-    if !all && bounds[i].num_tiles == 0u {
-        return;
+    var i = place;
+    if !all {
+        i = visible[1u + place];
     }
     let info = splat_info[i];
     let skip = adam_skip(info.last_step, step.flushed_step);

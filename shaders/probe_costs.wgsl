@@ -1,6 +1,6 @@
 // Adds to the costs of a splat's parts the squares of one probe's derivatives, and zeroes the first moments that hold them
 // (twin: `costs_of` in src/backend/costs.rs).
-// Workgroup: a splat. Invocation: a float of its SH, and every SPLAT_GROUP-th texel of its map.
+// Workgroup: a visible splat; the derivatives of others are 0. Invocation: a float of its SH, and every SPLAT_GROUP-th texel of its map.
 
 #constants
 #include common/groups
@@ -17,6 +17,7 @@
 // Per splat: probes that saw it; removal, colour; SH above degree 0, 1, 2; map; map coarser along both axes, u, v; crops by
 // axis, end and depth.
 @group(0) @binding(6) var<storage, read_write> costs: array<f32>; // [n, 22]
+@group(0) @binding(7) var<storage, read> visible: array<u32>; // [1 + n] number of visible splats, then these, ascending
 
 const COSTS = 22u;
 
@@ -109,10 +110,11 @@ fn probe_costs(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let i = group_index(group, groups);
-    if i >= step.num_splats {
+    let place = group_index(group, groups);
+    if place >= visible[0] {
         return;
     }
+    let i = visible[1u + place];
     let info = splat_info[i];
     let first = first_float(info.parameters);
     let texels = num_texels(info.map_size);

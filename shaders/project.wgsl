@@ -1,5 +1,7 @@
 // Projects every splat to the view: bounds, number of tiles, depth key and base colour (twin: reference/project.rs;
-// method 1.2, 2.2, 2.3, 2.5). Flushes the SH of visible splats on the way. GEOMETRY: also writes normals.
+// method 1.2, 2.2, 2.3, 2.5); lists the visible ones of each group. Flushes the SH of visible splats on the way.
+// FLAG_UNSEEN: before, splats that the step before did not see take it. FLAG_NO_VIEW: nothing else.
+// GEOMETRY: also writes normals.
 // Workgroup: GROUP splats. Invocation: a splat.
 
 #constants
@@ -12,6 +14,8 @@
 #include common/filter
 #include common/adam
 #include common/sh
+#include common/list_group
+#include common/unseen
 
 @group(0) @binding(1) var<storage, read_write> splat_p: array<f32>; // [num_splat_floats]
 @group(0) @binding(2) var<storage, read_write> splat_m: array<f32>; // [num_splat_floats]
@@ -19,13 +23,10 @@
 @group(0) @binding(4) var<storage, read> splat_info: array<SplatInfo>; // [n]
 @group(0) @binding(5) var<storage, read_write> projected: array<Projected>; // [n]
 @group(0) @binding(6) var<storage, read_write> bounds: array<Bounds>; // [n]
-@group(0) @binding(7) var<storage, read_write> keys_out: array<u32>; // [n] depth
+@group(0) @binding(7) var<storage, read_write> group_lists: array<u32>; // common/group_lists
 #if GEOMETRY
 @group(0) @binding(8) var<storage, read_write> normals: array<vec4f>; // [n] camera axes, facing the camera
 #endif
-
-// Depth key of invisible splats: sorts last.
-const INVISIBLE_KEY = (1u << DEPTH_KEY_BITS) - 1u;
 
 @compute @workgroup_size(GROUP)
 fn project(
@@ -33,10 +34,23 @@ fn project(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let i = group_index(group, groups) * GROUP + lane;
-    if i >= step.num_splats {
-        return;
+    let block = group_index(group, groups);
+    let i = block * GROUP + lane;
+    clear_list(lane);
+    var num_tiles = 0u;
+    if i < step.num_splats {
+        if has_flag(FLAG_UNSEEN) && bounds[i].depth_key == INVISIBLE_KEY {
+            step_unseen(first_float(splat_info[i].parameters));
+        }
+        if !has_flag(FLAG_NO_VIEW) {
+            num_tiles = project_splat(i);
+        }
     }
+    list_splat(block, lane, num_tiles);
+}
+
+// Returns the number of tiles that the splat touches.
+fn project_splat(i: u32) -> u32 {
     let base = first_float(splat_info[i].parameters);
     let position = vec3f(splat_p[base], splat_p[base + 1u], splat_p[base + 2u]);
     let p = in_camera(position) + camera_translation();
@@ -76,12 +90,13 @@ fn project(
         }
     }
     footprint.opacity = stored_opacity;
-    bounds[i] = footprint;
+    footprint.parameters = splat_info[i].parameters;
     if footprint.num_tiles == 0u {
-        keys_out[i] = INVISIBLE_KEY;
-        return;
+        bounds[i] = footprint;
+        return 0u;
     }
-    keys_out[i] = min(bitcast<u32>(p.z) - bitcast<u32>(step.near), INVISIBLE_KEY - 1u);
+    footprint.depth_key = min(bitcast<u32>(p.z) - bitcast<u32>(step.near), INVISIBLE_KEY - 1u);
+    bounds[i] = footprint;
     let info = splat_info[i];
     // An empty map may have a texel size of zero.
     let texels = select(scales / info.texel_sizes, vec2f(0.0), info.map_size == 0u);
@@ -105,6 +120,7 @@ fn project(
 #if GEOMETRY
     normals[i] = vec4f(select(n, -n, p_n > 0.0), 0.0);
 #endif
+    return footprint.num_tiles;
 }
 
 // Base colour from the flushed SH in the direction from the camera.

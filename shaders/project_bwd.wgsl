@@ -1,8 +1,8 @@
 // Applies the chain rule back from the sums over a splat's pairs to its stored parameters, and takes one step of Adam
-// (twins: reference/project_bwd.rs, reference/adam.rs; method 2.4, "per splat, once", and 4.1). Invisible splats step with
-// a zero gradient, except for their SH, which are updated lazily.
+// (twins: reference/project_bwd.rs, reference/adam.rs; method 2.4, "per splat, once", and 4.1). Invisible splats step in the
+// next `project`.
 // GEOMETRY: also the sums by depth and normal.
-// Workgroup: GROUP splats. Invocation: a splat.
+// Workgroup: GROUP visible splats. Invocation: a visible splat.
 
 #constants
 #include common/groups
@@ -21,9 +21,9 @@
 @group(0) @binding(3) var<storage, read_write> splat_v: array<f32>; // [num_splat_floats]
 @group(0) @binding(4) var<storage, read> projected: array<Projected>; // [n]
 @group(0) @binding(5) var<storage, read_write> bounds: array<Bounds>; // [n]
-@group(0) @binding(6) var<storage, read> splat_totals: array<f32>; // [n, partial_stride]
+@group(0) @binding(6) var<storage, read> splat_totals: array<f32>; // [visible, partial_stride]
 @group(0) @binding(7) var<storage, read_write> statistics: array<vec4f>; // [n] seen, area, weight, error
-@group(0) @binding(8) var<storage, read> splat_info: array<SplatInfo>; // [n]
+@group(0) @binding(8) var<storage, read> visible: array<u32>; // [1 + n] number of visible splats, then these, ascending
 
 // The first of the splat's sums and of its parameters, and its gradients that were not finite.
 var<private> first_sum: u32;
@@ -146,7 +146,7 @@ fn spread_bwd(spread: Spread, by_thinning: f32) -> vec3f {
 // Steps on the SH and returns the derivative with respect to the position through the view direction. SH of degrees not in
 // use take no step.
 fn sh_bwd(i: u32, position: vec3f, rgb: vec3f) -> vec3f {
-    let degree = min(step.sh_degree, sh_degree(splat_info[i].parameters));
+    let degree = min(step.sh_degree, sh_degree(bounds[i].parameters));
     let by_rgb = select(vec3f(0.0), sums_at(SUM_RGB), rgb > vec3f(0.0));
     let offset = position - step.camera_in_local;
     let distance = length(offset);
@@ -188,16 +188,13 @@ fn project_bwd(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let i = group_index(group, groups) * GROUP + lane;
-    if i >= step.num_splats {
+    let place = group_index(group, groups) * GROUP + lane;
+    if place >= visible[0] {
         return;
     }
-    first_sum = i * step.partial_stride;
-    first_parameter = first_float(splat_info[i].parameters);
-    if bounds[i].num_tiles == 0u {
-        update_shape(vec3f(0.0), vec4f(0.0), vec2f(0.0), 0.0);
-        return;
-    }
+    let i = visible[1u + place];
+    first_sum = place * step.partial_stride;
+    first_parameter = first_float(bounds[i].parameters);
     chain_rule(i);
     bounds[i].faults = num_faults + u32(sum_at(SUM_FAULTS));
     if has_flag(FLAG_STATISTICS) {

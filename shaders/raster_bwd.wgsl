@@ -4,8 +4,8 @@
 // channel.
 //
 // Per splat, each invocation stores the derivatives of its pixel in workgroup memory; then the invocations sum
-// them up in a fixed order, with two barriers, no atomics and no subgroups. A pair's sums go to its slot in
-// `partials`. Texel gradients are summed the same way, one block of 4 x 4 texels at a time, and added to memory
+// them up in a fixed order, with two barriers, no atomics and no subgroups. A pair's sums go to its
+// place in `partials`, which holds those of `partial_capacity` pairs from `partial_first` on. Texel gradients are summed the same way, one block of 4 x 4 texels at a time, and added to memory
 // in fixed point: three atomics per texel and tile.
 //
 // Software drivers execute both sides of every branch, and pay at each barrier for every value that lives across it.
@@ -33,7 +33,7 @@
 #include common/tile_sums
 
 @group(0) @binding(1) var<storage, read> projected: array<Projected>; // [n]
-@group(0) @binding(2) var<storage, read> pairs: array<vec2u>; // [2, pair_capacity] by tile, front to back
+@group(0) @binding(2) var<storage, read> pairs: array<u32>; // [3, pair_capacity] by tile, front to back
 @group(0) @binding(3) var<storage, read> tile_ranges: array<vec2u>; // [tiles] of pairs
 @group(0) @binding(4) var<storage, read> texel_values: array<vec4f>; // [T] residual rgb
 #if GEOMETRY
@@ -44,7 +44,7 @@
 @group(0) @binding(5) var<storage, read> pixel_state: array<vec2u>; // [P] transmittance, one past the last blended pair
 @group(0) @binding(6) var<storage, read> pixel_grad: array<vec4f>; // [P] by rgb; loss of the pixel
 #endif
-@group(0) @binding(7) var<storage, read_write> partials: array<f32>; // [K, partial_stride] by slot
+@group(0) @binding(7) var<storage, read_write> partials: array<f32>; // [partial_capacity, partial_stride] by place from partial_first on
 @group(0) @binding(8) var<storage, read_write> texel_grad: array<atomic<i32>>; // [T, 3] fixed point
 
 // Quantities that a pixel stores, [quantity, column, row]. The first three are also summed times dx and dy.
@@ -142,7 +142,7 @@ fn pixel_bwd(replay: ptr<function, Replay>, s: Projected, index: u32, pixel: vec
 #if GEOMETRY
         let m = s.near_over_depth * hit.denominator;
         let c = (*replay).by_moments;
-        let along = dot((*replay).towards, normals[pairs[index].y].xyz);
+        let along = dot((*replay).towards, normals[pairs[index]].xyz);
         let by_weight = dot(by_rgb, max(colour, vec3f(0.0))) + (c.x + (c.y + c.z * m) * m + along);
         by_denominator = weight * (c.y + 2.0 * c.z * m) * s.near_over_depth;
 #else
@@ -198,6 +198,13 @@ fn raster_bwd(
         return;
     }
     let range = tile_ranges[tile];
+    // The pairs whose sums there is room for. If they are the tile's last ones, those before are left out; otherwise those behind
+    // only pass on the state of the pixels.
+    let first_pair = max(range.x, step.partial_first);
+    let past_pair = min(range.y, step.partial_first + step.partial_capacity);
+    if first_pair >= past_pair {
+        return;
+    }
     let origin_px = tile_origin_px(tile);
     let pixel_at = pixel_in_tile(lane);
     let pixel = origin_px + pixel_at;
@@ -233,8 +240,9 @@ fn raster_bwd(
     }
     let used = workgroupUniformLoad(&end);
     // Pairs behind the last blended one have zero sums.
-    for (var k = used * NUM_SUMS + lane; k < range.y * NUM_SUMS; k += RASTER_GROUP) {
-        partials[pairs[k / NUM_SUMS].x * NUM_SUMS + k % NUM_SUMS] = 0.0;
+    let idle = max(used, first_pair) - step.partial_first;
+    for (var k = idle * NUM_SUMS + lane; k < (past_pair - step.partial_first) * NUM_SUMS; k += RASTER_GROUP) {
+        partials[k] = 0.0;
     }
     let at = pixel_at.x * PARTS + pixel_at.y;
     let row = lane % PARTS;
@@ -244,16 +252,16 @@ fn raster_bwd(
     var i = used;
     var block = 0u;
     // One round per block of texels of each splat; the first round of a splat also does everything else.
-    while i > range.x {
-        let pair = pairs[i - 1u];
-        let window = pairs[window_at(i - 1u)];
-        let s = projected[pair.y];
+    while i > first_pair {
+        let summed = i <= past_pair;
+        let window = vec2u(pairs[window_first_at(i - 1u)], pairs[window_past_at(i - 1u)]);
+        let s = projected[pairs[i - 1u]];
         let low = max(vec2u(s.box_min & 0xffffu, s.box_min >> 16u), origin_px) - origin_px;
         let high = min(vec2u(s.box_max & 0xffffu, s.box_max >> 16u) - origin_px, TILE_SIZE_PX);
         let window_first = vec2u(window.x & 0xffffu, window.x >> 16u);
         let window_past = vec2u(window.y & 0xffffu, window.y >> 16u);
         let blocks = (window_past - window_first + BLOCK_TEXELS - 1u) / BLOCK_TEXELS;
-        var num_blocks = blocks.x * blocks.y;
+        var num_blocks = select(0u, blocks.x * blocks.y, summed);
 #if SCATTER
         let scattered = num_blocks > GATHERED_BLOCKS_MAX;
         num_blocks = select(num_blocks, 0u, scattered);
@@ -299,12 +307,12 @@ fn raster_bwd(
                 replay.faults += add_fixed(3u * texel_at + lane % 3u, total, units, limit);
             }
         }
-        if block == 0u && from_last < NUM_SUMS {
+        if block == 0u && summed && from_last < NUM_SUMS {
             var total = 0.0;
             for (var k = 0u; k < PARTS && from_last != SUM_FAULTS; k += 1u) {
                 total += sum_parts[from_last * PARTS + k];
             }
-            partials[pair.x * NUM_SUMS + from_last] = total;
+            partials[(i - 1u - step.partial_first) * NUM_SUMS + from_last] = total;
         }
         block += 1u;
         if block >= num_blocks {
@@ -315,8 +323,8 @@ fn raster_bwd(
     atomicAdd(&num_faults, replay.faults);
     storageBarrier();
     workgroupBarrier();
-    // The host needs only the total: the tile's first pair carries it.
-    if lane == 0u && range.x < range.y {
-        partials[pairs[range.x].x * NUM_SUMS + SUM_FAULTS] = f32(atomicLoad(&num_faults));
+    // The host needs only the total: the first of these pairs carries it.
+    if lane == 0u {
+        partials[(first_pair - step.partial_first) * NUM_SUMS + SUM_FAULTS] = f32(atomicLoad(&num_faults));
     }
 }

@@ -20,7 +20,7 @@
 #include common/status
 
 @group(0) @binding(1) var<storage, read> projected: array<Projected>; // [n]
-@group(0) @binding(2) var<storage, read_write> pairs: array<vec2u>; // [2, pair_capacity] by tile, front to back
+@group(0) @binding(2) var<storage, read_write> pairs: array<u32>; // [3, pair_capacity] by tile, front to back
 @group(0) @binding(3) var<storage, read> tile_ranges: array<vec2u>; // [tiles] of pairs
 @group(0) @binding(4) var<storage, read> texel_values: array<vec4f>; // [T] residual rgb
 @group(0) @binding(5) var<storage, read_write> pixels: array<vec4f>; // [P] rgb over background, transmittance
@@ -79,7 +79,7 @@ fn blend(state: ptr<function, Pixel>, s: Projected, index: u32, pixel: vec2u) {
 #if GEOMETRY
     let weight = alpha * before;
     let m = s.near_over_depth * hit.denominator;
-    (*state).normal_depth += weight * vec4f(normals[pairs[index].y].xyz, step.near / m);
+    (*state).normal_depth += weight * vec4f(normals[pairs[index]].xyz, step.near / m);
     (*state).moments += weight * vec2f(m, m * m);
 #endif
     (*state).transmittance = after;
@@ -91,7 +91,8 @@ fn blend(state: ptr<function, Pixel>, s: Projected, index: u32, pixel: vec2u) {
 fn store_window(s: Projected, index: u32, origin_px: vec2u) {
     if step.step > 0u {
         let window = texel_window(s, origin_px);
-        pairs[window_at(index)] = vec2u(pack_px(vec2i(window.first)), pack_px(vec2i(window.past)));
+        pairs[window_first_at(index)] = pack_px(vec2i(window.first));
+        pairs[window_past_at(index)] = pack_px(vec2i(window.past));
     }
 }
 
@@ -115,7 +116,7 @@ fn raster_tile(state: ptr<function, Pixel>, range: vec2u, origin_px: vec2u, pixe
     for (var first = range.x; first < range.y; first += BATCH) {
         let count = min(BATCH, range.y - first);
         if lane < count {
-            let s = projected[pairs[first + lane].y];
+            let s = projected[pairs[first + lane]];
             batch[lane] = s;
             store_window(s, first + lane, origin_px);
         }
@@ -139,10 +140,10 @@ fn raster_tile(state: ptr<function, Pixel>, range: vec2u, origin_px: vec2u, pixe
 #else
 fn raster_tile(state: ptr<function, Pixel>, range: vec2u, origin_px: vec2u, pixel: vec2u, lane: u32) {
     for (var i = range.x + lane; i < range.y; i += RASTER_GROUP) {
-        store_window(projected[pairs[i].y], i, origin_px);
+        store_window(projected[pairs[i]], i, origin_px);
     }
     for (var i = range.x; i < range.y && !(*state).done; i += 1u) {
-        blend(state, projected[pairs[i].y], i, pixel);
+        blend(state, projected[pairs[i]], i, pixel);
     }
 }
 #endif

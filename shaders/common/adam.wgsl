@@ -8,9 +8,14 @@ struct Moments {
 
 // One step on one parameter, with the bias corrections of `step`.
 fn adam_step(state: Moments, gradient: f32, rate: f32) -> Moments {
+    return adam_step_of(state, gradient, rate, step.m_correction, step.v_correction_sqrt);
+}
+
+// One step with the bias corrections of any step.
+fn adam_step_of(state: Moments, gradient: f32, rate: f32, m_correction: f32, v_correction_sqrt: f32) -> Moments {
     let m = ADAM_BETA1 * state.m + (1.0 - ADAM_BETA1) * gradient;
     let v = ADAM_BETA2 * state.v + (1.0 - ADAM_BETA2) * gradient * gradient;
-    let change = rate * step.m_correction * m / (sqrt(v) * step.v_correction_sqrt + ADAM_EPSILON);
+    let change = rate * m_correction * m / (sqrt(v) * v_correction_sqrt + ADAM_EPSILON);
     return Moments(state.p - change, m, v);
 }
 

@@ -21,10 +21,15 @@ struct Bounds {
     texture_sum: f32,
     // Opacity before the filter.
     opacity: f32,
-    pad0: u32,
-    pad1: u32,
-    pad2: u32,
+    // INVISIBLE_KEY if it touches no tile.
+    depth_key: u32,
+    // Those of its record.
+    parameters: u32,
+    pad: u32,
 }
+
+// Depth key of invisible splats, above all others.
+const INVISIBLE_KEY = (1u << DEPTH_KEY_BITS) - 1u;
 
 // Spans are widened by this to absorb rounding (measured on the CPU backend: up to 1e-4 px far from the origin).
 const MARGIN_PX = 0.01;
@@ -35,7 +40,7 @@ struct Box {
 }
 
 fn empty_bounds() -> Bounds {
-    return Bounds(vec2f(), 0.0, 0.0, 0.0, 0.0, 0u, 0u, 0u, 0u, 0u, 0.0, 0.0, 0u, 0u, 0u);
+    return Bounds(vec2f(), 0.0, 0.0, 0.0, 0.0, 0u, 0u, 0u, 0u, 0u, 0.0, 0.0, INVISIBLE_KEY, 0u, 0u);
 }
 
 // Sets the box to the pixels whose centres lie in `extent`, widened by the margin and clipped to the image.

@@ -1,4 +1,4 @@
-// Slots of the sums of a pair, which raster_bwd writes and sum_pairs adds up. The strides mirror
+// Places of the sums of a pair, which raster_bwd writes and sum_pairs adds up. The strides mirror
 // `layout::PAIR_SUMS` and its variants.
 
 // Derivatives by the first and second coordinate on the surfel and by the denominator: the sum, times dx, times dy.
@@ -10,7 +10,7 @@ const SUM_EXPONENT = 9u;
 // By the opacity.
 const SUM_FALLOFF = 12u;
 const SUM_RGB = 13u;
-// Faults of a whole tile, in its first pair; 0 in others.
+// Faults of a whole tile, in its first pair that is summed; 0 in others.
 const SUM_FAULTS = 16u;
 const PAIR_SUMS = 17u;
 // Window statistics: pixels, blending weight, blending weight times loss.

@@ -42,12 +42,14 @@ fn per_footprint(s: Projected) -> f32 {
     return 1.0 / (s.footprint_texels.x * s.footprint_texels.y);
 }
 
-// A pair of tile and splat has two entries in `pairs`. The first, in the order of tiles and depth: x is the
-// slot of its partial sums (the slots of a splat are contiguous), y the splat. The second, `pair_capacity`
-// entries later: the window of texels that the tile can touch, x the first row and column as row | col << 16, y
-// one past the last.
-fn window_at(pair: u32) -> u32 {
+// A pair of tile and splat, in the order of tiles and depth, has three entries in `pairs`, `pair_capacity` apart: the splat;
+// the window of texels that the tile can touch, the first row and column as row | col << 16; one past the last.
+fn window_first_at(pair: u32) -> u32 {
     return step.pair_capacity + pair;
+}
+
+fn window_past_at(pair: u32) -> u32 {
+    return 2u * step.pair_capacity + pair;
 }
 
 fn unpack_px(packed: u32) -> vec2i {

@@ -4,11 +4,12 @@
 struct SortPass {
     // Bits below the digit.
     shift: u32,
-    // 1: one key per pair, 0: one per splat.
+    // 1: one key per pair, 0: one per visible splat.
     counts_pairs: u32,
     // 1: the values are the indices of the keys, and are not read.
     identity_values: u32,
-    pad: u32,
+    // 1: another pass follows, whose digits are counted on the way.
+    counts_next: u32,
 }
 
 @group(0) @binding(15) var<uniform> sort_pass: SortPass;
@@ -17,9 +18,9 @@ fn num_keys() -> u32 {
     if sort_pass.counts_pairs == 1u {
         return status[step.status_slot].needed_pairs;
     }
-    return step.num_splats;
+    return status[step.status_slot].visible;
 }
 
 fn digit_of(key: u32) -> u32 {
-    return (key >> sort_pass.shift) & (DIGITS - 1u);
+    return (key >> sort_pass.shift) % DIGITS;
 }

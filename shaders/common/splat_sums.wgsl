@@ -4,7 +4,5 @@ struct SplatSums {
     // Weighted opacity and texture terms.
     opacity: f32,
     texture: f32,
-    // Splats that touch a tile.
-    visible: u32,
     faults: u32,
 }

@@ -67,6 +67,16 @@ struct Step {
     filter_px2: f32,
     // What the first moments of a probe are multiplied by.
     probe_scale: f32,
+    // Learning rates and bias corrections of the last completed step, for splats that it did not see.
+    last_rate_position: f32,
+    last_rate_quaternion: f32,
+    last_rate_log_scale: f32,
+    last_rate_opacity: f32,
+    last_m_correction: f32,
+    last_v_correction_sqrt: f32,
+    // The pairs whose partial sums the buffer holds, in the order of tiles: first and number.
+    partial_first: u32,
+    partial_capacity: u32,
     pad0: u32,
     pad1: u32,
 }
@@ -81,6 +91,10 @@ const FLAG_ALL_MAPS = 4u;
 const FLAG_SECOND_MOMENTS = 8u;
 // The variant that counts global atomics reports them in place of faults.
 const FLAG_COUNT_ATOMICS = 16u;
+// Splats that the step before in the submission did not see take that step.
+const FLAG_UNSEEN = 32u;
+// Nothing else, as no step follows in the submission.
+const FLAG_NO_VIEW = 64u;
 
 @group(0) @binding(0) var<uniform> step: Step;
 

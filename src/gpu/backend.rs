@@ -28,7 +28,7 @@ impl Backend for GpuBackend {
 
     fn limits(&self, shape: SceneShape) -> DeviceLimits {
         let limits = limits::limits(self.device.most_buffer_bytes(), shape);
-        DeviceLimits { max_pairs: self.most_pairs(shape.geometry), ..limits }
+        DeviceLimits { max_pairs: self.most_pairs(), ..limits }
     }
 
     fn upload(&mut self, model: &Model, adam: &AdamState) -> Result<()> {

@@ -23,10 +23,13 @@ pub enum Buf {
     ValuesA,
     KeysB,
     ValuesB,
-    Histogram,
+    HistogramA,
+    HistogramB,
+    GroupLists,
+    Visible,
     SlotOffsets,
     BlockSums,
-    SlotSplat,
+    Slots,
     Pairs,
     TileRanges,
     Partials,
@@ -56,13 +59,15 @@ pub enum Buf {
 }
 
 impl Buf {
-    /// The counterpart of a key or value buffer, which sort passes alternate between; other buffers are unchanged.
+    /// The counterpart of a buffer that sort passes alternate between; other buffers are unchanged.
     pub fn swapped(self) -> Self {
         match self {
             Self::KeysA => Self::KeysB,
             Self::KeysB => Self::KeysA,
             Self::ValuesA => Self::ValuesB,
             Self::ValuesB => Self::ValuesA,
+            Self::HistogramA => Self::HistogramB,
+            Self::HistogramB => Self::HistogramA,
             other => other,
         }
     }
@@ -91,8 +96,8 @@ const fn write(name: &'static str, buffer: Buf) -> Binding {
     Binding { name, buffer, writes: true }
 }
 
-/// Numbers of workgroups: entries of the table of indirect dispatches. The host knows the first four before a
-/// step; `prefix_sums` writes the others once it has counted the pairs. If the pairs of a step do not fit, it
+/// Numbers of workgroups: entries of the table of indirect dispatches. The host knows the first three before a
+/// step; `visible_sums` writes the others once it has counted the pairs. If the pairs of a step do not fit, it
 /// zeroes all entries, so that nothing after it in the submission is applied.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u32)]
@@ -101,32 +106,32 @@ pub enum Groups {
     One,
     /// One invocation per splat.
     Splats,
-    /// One workgroup per block of [`super::shader::BLOCK`] splats.
-    SplatBlocks,
     /// One workgroup per splat.
     EachSplat,
     /// One workgroup, once the pairs are counted.
     OneLater,
-    /// One workgroup per splat, once the pairs are counted.
-    EachSplatLater,
-    /// One invocation per splat, once the pairs are counted.
-    SplatsLater,
+    /// One workgroup per visible splat.
+    EachVisible,
+    /// One invocation per visible splat.
+    Visible,
+    /// One workgroup per block of [`super::shader::BLOCK`] visible splats.
+    VisibleBlocks,
+    /// One workgroup per digit of the sort.
+    Digits,
     /// One workgroup per tile of the rasterisation.
     Tiles,
     /// One workgroup per tile of the loss.
     LossTiles,
-    /// One invocation per tile of the rasterisation.
-    TileInvocations,
-    /// One invocation per pair.
-    Pairs,
+    /// One invocation per pair, and per tile of the rasterisation.
+    PairsAndTiles,
     /// One workgroup per block of [`super::shader::BLOCK`] pairs.
     PairBlocks,
-    /// One invocation per sum of a splat, once the pairs are counted.
-    SplatTotals,
+    /// One invocation per sum of a visible splat.
+    VisibleTotals,
 }
 
 /// Entries of the table of indirect dispatches.
-pub const NUM_GROUPS: u32 = Groups::SplatTotals as u32 + 1;
+pub const NUM_GROUPS: u32 = Groups::VisibleTotals as u32 + 1;
 
 /// Binding of the [`super::layout::SortPass`], in the kernels of the sort.
 pub const SORT_PASS_BINDING: u32 = 15;
@@ -170,14 +175,14 @@ macro_rules! kernels {
 kernels! {
     "project", Splats, [
         write splat_p = SplatP, write splat_m = SplatM, write splat_v = SplatV, read splat_info = SplatInfo,
-        write projected = Projected, write bounds = Bounds, write keys_out = KeysA,
+        write projected = Projected, write bounds = Bounds, write group_lists = GroupLists,
     ] => {
         Project [];
         ProjectGeometry ["GEOMETRY"] + [write normals = Normals];
     }
-    "flush_texel", EachSplat, [
+    "flush_texel", EachVisible, [
         write texel_p = TexelP, write texel_m = TexelM, write texel_v = TexelV, write texel_values = TexelValues,
-        write splat_info = SplatInfo, read bounds = Bounds,
+        write splat_info = SplatInfo, read visible = Visible,
     ] => { FlushTexel [] }
     "flush_splat", EachSplat, [
         write splat_p = SplatP, write splat_m = SplatM, write splat_v = SplatV, read splat_info = SplatInfo,
@@ -214,30 +219,32 @@ kernels! {
         RasterBwdGeometry ["STATISTICS", "GEOMETRY"];
         RasterBwdGeometryScatter ["STATISTICS", "GEOMETRY", "SCATTER"];
     }
-    "sum_pairs", SplatTotals, [
-        read bounds = Bounds, read partials = Partials, write splat_totals = SplatTotals,
+    "sum_pairs", VisibleTotals, [
+        read bounds = Bounds, read partials = Partials, write splat_totals = SplatTotals, read visible = Visible,
+        read slots = Slots,
     ] => { SumPairs [] }
-    "project_bwd", SplatsLater, [
+    "project_bwd", Visible, [
         write splat_p = SplatP, write splat_m = SplatM, write splat_v = SplatV, read projected = Projected,
-        write bounds = Bounds, read splat_totals = SplatTotals, write statistics = Statistics, read splat_info = SplatInfo,
+        write bounds = Bounds, read splat_totals = SplatTotals, write statistics = Statistics, read visible = Visible,
     ] => {
         ProjectBwd [];
         ProjectBwdGeometry ["GEOMETRY"];
     }
-    "adam_texel", EachSplatLater, [
+    "adam_texel", EachVisible, [
         write texel_p = TexelP, write texel_m = TexelM, write texel_v = TexelV, write texel_grad = TexelGrad,
         write texel_values = TexelValues, write splat_info = SplatInfo, write bounds = Bounds,
+        read visible = Visible,
     ] => { AdamTexel [] }
     "prepare_probes", EachSplat, [
         write splat_p = SplatP, write splat_m = SplatM, write texel_p = TexelP, write texel_m = TexelM,
         write splat_info = SplatInfo,
     ] => { PrepareProbes [] }
-    "probe_costs", EachSplatLater, [
+    "probe_costs", EachVisible, [
         read splat_p = SplatP, write splat_m = SplatM, read texel_p = TexelP, write texel_m = TexelM,
-        read splat_info = SplatInfo, write costs = Costs,
+        read splat_info = SplatInfo, write costs = Costs, read visible = Visible,
     ] => { ProbeCosts [] }
-    "finish_blocks", SplatsLater, [
-        read bounds = Bounds, write splat_sums = SplatSums,
+    "finish_blocks", Visible, [
+        read bounds = Bounds, write splat_sums = SplatSums, read visible = Visible,
     ] => { FinishBlocks [] }
     "finish", OneLater, [
         read splat_sums = SplatSums, read loss_partials = LossPartials, write status = Status,
@@ -280,30 +287,32 @@ kernels! {
         read photo = Photo, read pixel_grad = PixelGrad, write pixel_records = PixelRecords,
         write geometry_partials = GeometryPartials,
     ] => { GeometryLoss ["GEOMETRY"] }
-    "sort_count", SplatBlocks, [
-        read status = Status, read keys_in = KeysA, write histogram = Histogram,
-    ] => { SortCount [] }
-    "sort_scan", One, [read status = Status, write histogram = Histogram] => { SortScan [] }
-    "sort_scatter", SplatBlocks, [
-        read status = Status, read histogram = Histogram, read keys_in = KeysA, read values_in = ValuesA,
-        write keys_out = KeysB, write values_out = ValuesB,
+    "visible_sums", One, [
+        write status = Status, write group_lists = GroupLists, write args = Args, write visible = Visible,
+    ] => { VisibleSums [] }
+    "list_visible", VisibleBlocks, [
+        read status = Status, read group_lists = GroupLists, read bounds = Bounds, write keys_out = KeysA,
+        write values_out = ValuesA, write histogram = HistogramA, write visible = Visible,
+    ] => { ListVisible [] }
+    "sort_scan", Digits, [
+        read status = Status, write histogram = HistogramA, write next_histogram = HistogramB,
+    ] => { SortScan [] }
+    "sort_scatter", VisibleBlocks, [
+        read status = Status, read histogram = HistogramA, write next_histogram = HistogramB, read keys_in = KeysA,
+        read values_in = ValuesA, write keys_out = KeysB, write values_out = ValuesB,
     ] => { SortScatter [] }
-    "prefix_blocks", SplatBlocks, [
-        read values_in = ValuesB, read bounds = Bounds, write slot_offsets = SlotOffsets,
+    "prefix_blocks", VisibleBlocks, [
+        read status = Status, read values_in = ValuesA, read bounds = Bounds, write slot_offsets = SlotOffsets,
         write block_sums = BlockSums,
     ] => { PrefixBlocks [] }
-    "prefix_sums", One, [
-        write status = Status, write block_sums = BlockSums, write args = Args,
-    ] => { PrefixSums [] }
-    "tile_emit", SplatsLater, [
-        read values_in = ValuesB, read slot_offsets = SlotOffsets, read block_sums = BlockSums,
-        write bounds = Bounds, write keys_out = KeysA, write slot_splat = SlotSplat,
+    "prefix_sums", OneLater, [read status = Status, write block_sums = BlockSums] => { PrefixSums [] }
+    "tile_emit", PairBlocks, [
+        read status = Status, read values_in = ValuesA, read slot_offsets = SlotOffsets, read block_sums = BlockSums,
+        write bounds = Bounds, write keys_out = KeysA, write slots = Slots, write histogram = HistogramA,
     ] => { TileEmit [] }
-    "tile_ranges", TileInvocations, [
-        read status = Status, read keys_in = KeysB, write ranges_out = TileRanges,
-    ] => { TileRanges [] }
-    "gather_pairs", Pairs, [
-        read status = Status, read values_in = ValuesB, read slot_splat = SlotSplat, write pairs = Pairs,
+    "gather_pairs", PairsAndTiles, [
+        read status = Status, read keys_in = KeysB, read values_in = ValuesB, write slots = Slots,
+        write pairs = Pairs, write ranges_out = TileRanges,
     ] => { GatherPairs [] }
 }
 
@@ -314,9 +323,9 @@ impl Kernel {
         self.binds(Buf::Args)
     }
 
-    /// Whether it binds a [`super::layout::SortPass`]: the kernels of the sort, which share a histogram.
+    /// Whether it binds a [`super::layout::SortPass`]: the kernels of the sort, which count for the next pass.
     pub fn has_sort_pass(&self) -> bool {
-        self.binds(Buf::Histogram)
+        self.binds(Buf::HistogramB)
     }
 
     /// Whether it computes depths, normals or the terms on them: compiled when first needed.

@@ -106,6 +106,22 @@ pub struct StepUniform {
     pub filter_px2: f32,
     /// What the first moments of a probe are multiplied by.
     pub probe_scale: f32,
+    /// Learning rate of centres in the last completed step, for splats that it did not see.
+    pub last_rate_position: f32,
+    /// As `last_rate_position`, of quaternions.
+    pub last_rate_quaternion: f32,
+    /// As `last_rate_position`, of log-scales.
+    pub last_rate_log_scale: f32,
+    /// As `last_rate_position`, of opacity logits.
+    pub last_rate_opacity: f32,
+    /// `m_correction` of the last completed step.
+    pub last_m_correction: f32,
+    /// `v_correction_sqrt` of the last completed step.
+    pub last_v_correction_sqrt: f32,
+    /// First pair, in the order of tiles, whose partial sums the buffer holds.
+    pub partial_first: u32,
+    /// Number of pairs whose partial sums it can hold.
+    pub partial_capacity: u32,
     /// Pads to a multiple of 16 bytes.
     pub pad0: u32,
     /// As `pad0`.
@@ -129,6 +145,10 @@ pub const FLAG_ALL_MAPS: u32 = 4;
 pub const FLAG_SECOND_MOMENTS: u32 = 8;
 /// The variant that counts global atomics reports them in place of faults.
 pub const FLAG_COUNT_ATOMICS: u32 = 16;
+/// Splats that the step before in the submission did not see take that step.
+pub const FLAG_UNSEEN: u32 = 32;
+/// Nothing else, as no step follows in the submission.
+pub const FLAG_NO_VIEW: u32 = 64;
 
 /// One pass of the radix sort (`shaders/common/sort.wgsl`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -136,12 +156,12 @@ pub const FLAG_COUNT_ATOMICS: u32 = 16;
 pub struct SortPass {
     /// Number of key bits below the digit.
     pub shift: u32,
-    /// 1: one key per pair, as counted in the status; 0: one per splat.
+    /// 1: one key per pair, 0: one per visible splat, as counted in the status.
     pub counts_pairs: u32,
     /// 1: the values are the indices of the keys, and are not read.
     pub identity_values: u32,
-    /// Pads to a multiple of 16 bytes.
-    pub pad: u32,
+    /// 1: another pass follows, whose digits are counted on the way.
+    pub counts_next: u32,
 }
 
 /// What a splat has besides its parameters: position and size of its map, its SH degree (`shaders/common/splat.wgsl`).
@@ -207,7 +227,7 @@ pub const PROJECTED_BYTES: u64 = 96;
 /// Bytes of a splat's bounds (`shaders/common/bounds.wgsl`), which the host never reads back.
 pub const BOUNDS_BYTES: u64 = 64;
 /// Bytes of the sums over a block of splats (`shaders/common/splat_sums.wgsl`), which the host never reads back.
-pub const SPLAT_SUMS_BYTES: u64 = 16;
+pub const SPLAT_SUMS_BYTES: u64 = 12;
 
 /// Results of a step that the host reads (`shaders/common/status.wgsl`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]

@@ -5,7 +5,7 @@ use super::device::GpuDevice;
 use super::layout::MAX_SIDE_PX;
 use super::layout::{BOUNDS_BYTES, PAIR_SUMS_GEOMETRY, PROJECTED_BYTES};
 use super::model_buffers::{MOST_SPLAT_FLOATS, splat_floats};
-use super::uniform::partial_stride;
+use super::view_buffers::PAIR_BYTES;
 use crate::backend::{DeviceLimits, SceneShape};
 
 /// Bytes and floats per texel of the largest texel buffer, the activated texels.
@@ -17,9 +17,9 @@ const PIXEL_FLOATS: u64 = 9;
 /// Bytes per pixel of the records that the distortion and normal terms need.
 const GEOMETRY_PIXEL_BYTES: u64 = 48;
 
-/// Largest number of pairs of a training step whose partial sums fit into `buffer_bytes`, those of window statistics included.
-pub(super) fn max_pairs(buffer_bytes: u64, geometry: bool) -> u64 {
-    buffer_bytes / 16 * 16 / (4 * u64::from(partial_stride(geometry, true)))
+/// Largest number of pairs that fit into buffers of `buffer_bytes`. Their partial sums need not fit at once.
+pub(super) fn max_pairs(buffer_bytes: u64) -> u64 {
+    buffer_bytes / 16 * 16 / PAIR_BYTES
 }
 
 /// Limits of a device whose storage buffers may have `buffer_bytes`.
@@ -36,7 +36,7 @@ pub(super) fn limits(buffer_bytes: u64, shape: SceneShape) -> DeviceLimits {
         max_pixels: most(pixel_bytes, PIXEL_FLOATS),
         max_splats: most(splat_bytes, parameters).min(MOST_SPLAT_FLOATS / parameters),
         max_texels: most(TEXEL_BYTES, TEXEL_FLOATS),
-        max_pairs: max_pairs(buffer_bytes, shape.geometry),
+        max_pairs: max_pairs(buffer_bytes),
     }
 }
 

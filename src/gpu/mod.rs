@@ -43,6 +43,8 @@ mod tile_list_twin;
 mod timing;
 mod uniform;
 mod view_buffers;
+#[cfg(test)]
+mod visible_tests;
 mod web;
 
 pub use adapter::{AdapterChoice, Adapters, UnfitAdapter};

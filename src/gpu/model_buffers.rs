@@ -147,6 +147,7 @@ pub(super) fn derived(device: &GpuDevice, num_splats: usize, num_texels: usize) 
         (Buf::Statistics, device.buffer("window statistics", n, 16)?),
         (Buf::Projected, device.buffer("projected splats", n, PROJECTED_BYTES)?),
         (Buf::Bounds, device.buffer("splat bounds", n, BOUNDS_BYTES)?),
+        (Buf::Visible, device.buffer("visible splats", n + 1, 4)?),
         (
             Buf::SplatTotals,
             device.buffer("sums over the pairs of splats", n, 4 * u64::from(PAIR_SUMS_GEOMETRY))?,

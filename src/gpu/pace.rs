@@ -1,7 +1,7 @@
 //! Chooses the number of steps per submission: enough to keep the device busy, but few enough that the host
 //! responds within about half a second. It does not change the results.
 
-/// Largest number of steps per submission, and entries of the uniform and status rings.
+/// Largest number of steps per submission, and entries of the status ring.
 pub(super) const BATCH: usize = 16;
 
 /// Batches that take less time are doubled.

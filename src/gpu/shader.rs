@@ -23,7 +23,7 @@ pub const SPLAT_GROUP: u32 = 64;
 /// Elements per workgroup in the prefix sums and the sort.
 pub const BLOCK: u32 = 1024;
 /// Bits of a digit of the radix sort.
-pub const DIGIT_BITS: u32 = 4;
+pub const DIGIT_BITS: u32 = 8;
 /// Most workgroups along one axis of a dispatch; larger dispatches are folded to two axes.
 pub const MAX_GROUPS: u32 = 65_535;
 /// Bits of a depth key: the f32 bits of the depth minus those of the near plane; enough for depths up to 2^32
@@ -41,12 +41,15 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "common/adam",
     "common/bounds",
     "common/coarser_map",
+    "common/digit_counts",
     "common/exposure",
     "common/filter",
     "common/fixed",
+    "common/group_lists",
     "common/groups",
     "common/hit",
     "common/image",
+    "common/list_group",
     "common/map_change",
     "common/numbers",
     "common/pair_sums",
@@ -63,6 +66,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "common/texel_window",
     "common/tile",
     "common/tile_sums",
+    "common/unseen",
     "common/window",
     "adam_texel",
     "edit_splats",
@@ -74,6 +78,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "gather_pairs",
     "gather_splats",
     "geometry_loss",
+    "list_visible",
     "loss_bwd",
     "loss_fwd",
     "prefix_blocks",
@@ -88,12 +93,11 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "resample_maps",
     "flush_splat",
     "flush_texel",
-    "sort_count",
     "sort_scan",
     "sort_scatter",
     "sum_pairs",
     "tile_emit",
-    "tile_ranges",
+    "visible_sums",
 ];
 
 /// Preprocessed WGSL, ready to be compiled.
@@ -217,14 +221,15 @@ pub fn shared_constants() -> (Named<f64>, Named<u32>) {
         ("NUM_GROUPS", NUM_GROUPS),
         ("GROUPS_ONE", Groups::One as u32),
         ("GROUPS_ONE_LATER", Groups::OneLater as u32),
-        ("GROUPS_EACH_SPLAT_LATER", Groups::EachSplatLater as u32),
-        ("GROUPS_SPLATS_LATER", Groups::SplatsLater as u32),
+        ("GROUPS_EACH_VISIBLE", Groups::EachVisible as u32),
+        ("GROUPS_VISIBLE", Groups::Visible as u32),
+        ("GROUPS_VISIBLE_BLOCKS", Groups::VisibleBlocks as u32),
+        ("GROUPS_DIGITS", Groups::Digits as u32),
         ("GROUPS_TILES", Groups::Tiles as u32),
         ("GROUPS_LOSS_TILES", Groups::LossTiles as u32),
-        ("GROUPS_TILE_INVOCATIONS", Groups::TileInvocations as u32),
-        ("GROUPS_PAIRS", Groups::Pairs as u32),
+        ("GROUPS_PAIRS_AND_TILES", Groups::PairsAndTiles as u32),
         ("GROUPS_PAIR_BLOCKS", Groups::PairBlocks as u32),
-        ("GROUPS_SPLAT_TOTALS", Groups::SplatTotals as u32),
+        ("GROUPS_VISIBLE_TOTALS", Groups::VisibleTotals as u32),
     ];
     (floats, integers)
 }

@@ -2,7 +2,7 @@
 
 use super::device::{GpuDevice, Pipeline, UNIFORM_STRIDE};
 use super::encode::{Dispatch, encode};
-use super::kernels::{Buf, KernelId, NUM_GROUPS, RasterKernels};
+use super::kernels::{Buf, Groups, KernelId, NUM_GROUPS, RasterKernels};
 use super::layout::{DispatchArgs, FLAG_ALL_MAPS, FLAG_PERSIST, Status, StepUniform};
 use super::pace::{BATCH, Pace};
 use super::photos::PhotoPool;
@@ -11,7 +11,7 @@ use super::shader::{HALF_TILE_ROWS_PX, HALF_TILES, TILE_PX};
 use super::sort;
 use super::timing::Timer;
 use super::uniform::{self, UniformInputs};
-use super::view_buffers::Capacity;
+use super::view_buffers::{Capacity, MOST_ROUNDS};
 use crate::Result;
 use crate::camera::Similarity;
 use crate::model::{AdamState, Filter, LearningRates, Model, SplatArrays, TexturePool};
@@ -85,7 +85,7 @@ impl GpuBackend {
             device.pipelines(&raster.without_geometry(), tile_flags(tile_rows_px), checks_indices)?;
         let passes = sort::sort_passes();
         let mut resources = Resources::new(
-            device.uniforms("steps", BATCH as u64)?,
+            device.uniforms("steps", (MOST_ROUNDS * BATCH + 1) as u64)?,
             device.uniforms("sort passes", passes.len() as u64)?,
         );
         for (i, pass) in passes.iter().enumerate() {
@@ -218,8 +218,7 @@ impl GpuBackend {
         self.arm();
         let uniform = uniform::without_view(&self.uniform_inputs(), FLAG_PERSIST | FLAG_ALL_MAPS);
         let offsets = self.set_uniform(0, &uniform);
-        let kernels = [KernelId::FlushSplat, KernelId::FlushTexel];
-        self.submit(&kernels.map(|id| Dispatch::new(id, offsets)));
+        self.submit(&[KernelId::FlushSplat, KernelId::FlushTexel].map(|id| each_splat(id, offsets)));
     }
 
     /// Adopts a model whose parameters are already on the device, and activates its texels.
@@ -232,7 +231,7 @@ impl GpuBackend {
         let uniform = uniform::without_view(&self.uniform_inputs(), FLAG_ALL_MAPS);
         // At step 0 there is nothing to flush: this only activates.
         let offsets = self.set_uniform(0, &StepUniform { flushed_step: 0, ..uniform });
-        self.submit(&[Dispatch::new(KernelId::FlushTexel, offsets)]);
+        self.submit(&[each_splat(KernelId::FlushTexel, offsets)]);
     }
 
     /// Requires a model, and a device without errors.
@@ -247,6 +246,11 @@ impl GpuBackend {
         }
         Err(usage!("{}: no model has been uploaded", self.device.choice.name))
     }
+}
+
+/// A dispatch for all splats, visible or not.
+fn each_splat(kernel: KernelId, offsets: UniformOffsets) -> Dispatch {
+    Dispatch { groups: Groups::EachSplat, ..Dispatch::new(kernel, offsets) }
 }
 
 /// Kernel variants of the rasterisation, and the height of its tiles.

@@ -3,13 +3,14 @@
 
 use super::encode::Dispatch;
 use super::kernels::{Buf, KernelId};
-use super::layout::{FLAG_COUNT_ATOMICS, MAX_SIDE_PX, Status};
+use super::layout::{FLAG_COUNT_ATOMICS, FLAG_UNSEEN, MAX_SIDE_PX, Status, StepUniform};
 use super::limits;
+use super::pace::BATCH;
 use super::resources::UniformOffsets;
 use super::sort;
 use super::state::{GpuBackend, PendingStep};
-use super::uniform;
-use super::view_buffers::RequiredCapacity;
+use super::uniform::{self, UniformInputs};
+use super::view_buffers::{MOST_ROUNDS, RequiredCapacity};
 use crate::backend::{ColourSums, LossValues, RasterCounters, StepReport, StepRequest};
 use crate::camera::Camera;
 use crate::{Error, Result};
@@ -33,15 +34,16 @@ impl GpuBackend {
     fn task_dispatches(
         &self,
         task: Task,
-        offsets: UniformOffsets,
+        rounds: &[UniformOffsets],
         request: &StepRequest<'_>,
     ) -> Vec<Dispatch> {
+        let offsets = rounds[0];
         let geometry = request.loss.needs_geometry();
         let (statistics, exposure) = (request.accumulate_statistics, request.exposure.is_some());
         match task {
-            Task::Train => self.step_dispatches(offsets, &request.camera, geometry, statistics, exposure),
+            Task::Train => self.step_dispatches(rounds, &request.camera, geometry, statistics, exposure),
             Task::Probe => {
-                let mut out = self.step_dispatches(offsets, &request.camera, false, false, exposure);
+                let mut out = self.step_dispatches(rounds, &request.camera, false, false, exposure);
                 // Before the step is marked as applied.
                 out.insert(out.len() - 1, Dispatch::new(KernelId::ProbeCosts, offsets));
                 out
@@ -71,31 +73,57 @@ impl GpuBackend {
     }
 
     /// Dispatches of a training step; `geometry` includes the distortion and normal terms, and window statistics;
-    /// `exposure` corrects the image by that of the photo.
+    /// `exposure` corrects the image by that of the photo. `rounds` are the uniforms of [`Self::rounds`].
     pub(super) fn step_dispatches(
         &self,
-        offsets: UniformOffsets,
+        rounds: &[UniformOffsets],
         camera: &Camera,
         geometry: bool,
         statistics: bool,
         exposure: bool,
     ) -> Vec<Dispatch> {
         use KernelId as K;
+        let offsets = rounds[0];
         let mut out = self.forward(offsets, camera, geometry);
-        let mut kernels = if exposure {
+        let mut loss = if exposure {
             vec![K::ExposureFwd, K::ExposureSums, K::LossFwd, K::LossBwd, K::ExposureBwd]
         } else {
             vec![K::LossFwd, K::LossBwd]
         };
-        if geometry {
-            kernels.extend([K::GeometryLoss, self.raster.bwd_geometry, K::SumPairs, K::ProjectBwdGeometry]);
-            kernels.extend([K::AdamTexel, K::FinishBlocks, K::FinishGeometry]);
+        let (bwd, project_bwd, finish) = if geometry {
+            loss.push(K::GeometryLoss);
+            (self.raster.bwd_geometry, K::ProjectBwdGeometry, K::FinishGeometry)
         } else {
             let bwd = if statistics { self.raster.bwd_statistics } else { self.raster.bwd };
-            kernels.extend([bwd, K::SumPairs, K::ProjectBwd, K::AdamTexel, K::FinishBlocks, K::Finish]);
-        }
-        out.extend(kernels.into_iter().map(|id| Dispatch::new(id, offsets)));
+            (bwd, K::ProjectBwd, K::Finish)
+        };
+        out.extend(loss.into_iter().map(|id| Dispatch::new(id, offsets)));
+        out.extend(rounds.iter().flat_map(|&round| [bwd, K::SumPairs].map(|id| Dispatch::new(id, round))));
+        let last = [project_bwd, K::AdamTexel, K::FinishBlocks, finish];
+        out.extend(last.map(|id| Dispatch::new(id, offsets)));
         out
+    }
+
+    /// Uniforms of the rounds in which a step sums the derivatives by its pairs: one, unless the partial sums of all pairs
+    /// exceed a buffer. The bits do not depend on their number.
+    fn rounds(&self, slot: usize, uniform: &StepUniform) -> Vec<UniformOffsets> {
+        let pairs = self.capacity.partial_pairs(uniform.partial_stride);
+        let count = self.capacity.training_pairs.div_ceil(pairs.max(1)).max(1) as usize;
+        assert!(count <= MOST_ROUNDS, "{count} rounds for {} pairs", self.capacity.training_pairs);
+        let round = |k: usize| StepUniform {
+            partial_first: (k as u64 * pairs) as u32,
+            partial_capacity: pairs as u32,
+            ..*uniform
+        };
+        (0..count).map(|k| self.set_uniform(k * BATCH + slot, &round(k))).collect()
+    }
+
+    /// The dispatch after the last of these steps, in which splats that it did not see take it. Within a submission the next
+    /// step does this, by the same kernel: the bits do not depend on how many steps are submitted at a time.
+    fn end_dispatch(&self, inputs: &UniformInputs, requests: &[StepRequest<'_>]) -> Dispatch {
+        let offsets = self.set_uniform(MOST_ROUNDS * BATCH, &uniform::end(inputs));
+        let geometry = requests.last().is_some_and(|r| r.loss.needs_geometry());
+        Dispatch::new(if geometry { KernelId::ProjectGeometry } else { KernelId::Project }, offsets)
     }
 
     /// Compiles the kernels for depths and normals when they are first needed.
@@ -113,7 +141,7 @@ impl GpuBackend {
         let n = self.shape.num_splats() as u64;
         let guess = self.options.pair_capacity.unwrap_or((PAIRS_PER_SPLAT * n).max(1 << 14));
         // The guess must not exceed the device's limits.
-        let guess = guess.min(self.most_pairs(true)).max(1);
+        let guess = guess.min(self.most_pairs()).max(1);
         let mut needs = RequiredCapacity {
             // An empty model has buffers too.
             splats: n.max(1),
@@ -131,8 +159,8 @@ impl GpuBackend {
     }
 
     /// Largest number of pairs of a training step.
-    pub(super) fn most_pairs(&self, geometry: bool) -> u64 {
-        let most = limits::max_pairs(self.device.most_buffer_bytes(), geometry);
+    pub(super) fn most_pairs(&self) -> u64 {
+        let most = limits::max_pairs(self.device.most_buffer_bytes());
         self.options.most_pairs.map_or(most, |asked| most.min(asked))
     }
 
@@ -147,7 +175,7 @@ impl GpuBackend {
                 .error("a submission was not carried out, and the driver reports no reason"));
         }
         let needed = u64::from(status.needed_pairs);
-        let most = self.most_pairs(needs.geometry);
+        let most = self.most_pairs();
         if needs.training && needed > most {
             return Err(self.device.full(&format!(
                 "a step needs {needed} tile-splat pairs, at most {most} fit: use fewer splats, smaller images, or the \
@@ -227,17 +255,23 @@ impl GpuBackend {
         for (slot, (request, photo_px)) in requests.iter().zip(photos_px).enumerate() {
             let mut uniform = uniform::step(&inputs, request, photo_px, slot as u32);
             match task {
-                Task::Train if self.counts_atomics(request) => uniform.flags |= FLAG_COUNT_ATOMICS,
+                Task::Train => {
+                    uniform.flags |= if slot > 0 { FLAG_UNSEEN } else { 0 };
+                    uniform.flags |= if self.counts_atomics(request) { FLAG_COUNT_ATOMICS } else { 0 };
+                }
                 // As an image: parameters are flushed, but not stored.
                 Task::Compare => (uniform.step, uniform.flags) = (0, 0),
-                Task::Train | Task::Probe => {}
+                // The first moments of splats that it does not see are 0: they stand still.
+                Task::Probe => {}
             }
-            let offsets = self.set_uniform(slot, &uniform);
-            dispatches.extend(self.task_dispatches(task, offsets, request));
+            dispatches.extend(self.task_dispatches(task, &self.rounds(slot, &uniform), request));
             ends.push(dispatches.len());
             if task != Task::Compare {
                 (inputs.flushed_step, inputs.flushed_rates) = (request.step, request.rates);
             }
+        }
+        if task == Task::Train {
+            dispatches.push(self.end_dispatch(&inputs, requests));
         }
         let pending = |r: &StepRequest<'_>| PendingStep {
             step: r.step,

@@ -1,7 +1,8 @@
 //! Twin of the kernels that list the splats of each tile, for tests: random bounds, and their tile lists computed in
 //! the obvious way.
 
-use super::shader::TILE_PX;
+use super::shader::{DEPTH_KEY_BITS, GROUP, TILE_PX};
+use super::sort::group_list_entries;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg32;
 
@@ -18,7 +19,9 @@ pub(super) struct TestBounds {
     box_max: u32,
     pub num_tiles: u32,
     pub first_slot: u32,
-    rest: [u32; 6],
+    results: [u32; 3],
+    pub depth_key: u32,
+    rest: [u32; 2],
 }
 
 /// The splats of a view.
@@ -26,7 +29,6 @@ pub(super) struct TestBounds {
 pub(super) struct TileListCase {
     pub size_px: [u32; 2],
     pub bounds: Vec<TestBounds>,
-    pub keys: Vec<u32>,
     /// Each splat's tiles, in the order of their numbers.
     tiles: Vec<Vec<u32>>,
 }
@@ -40,8 +42,8 @@ impl TileListCase {
     /// Boxes, ellipses, single pixels and invisible splats, with many ties among the depth keys.
     pub(super) fn random(seed: u64, size_px: [u32; 2], n: usize) -> Self {
         let mut rng = Pcg32::seed_from_u64(seed);
-        let mut case = Self { size_px, bounds: Vec::new(), keys: Vec::new(), tiles: Vec::new() };
-        while case.keys.len() < n {
+        let mut case = Self { size_px, bounds: Vec::new(), tiles: Vec::new() };
+        while case.bounds.len() < n {
             let mut bounds = match rng.random_range(0..8) {
                 0 => TestBounds::default(),
                 1 => random_box(size_px, &mut rng),
@@ -54,11 +56,11 @@ impl TileListCase {
                 continue;
             }
             bounds.num_tiles = tiles.len() as u32;
-            case.keys.push(if tiles.is_empty() {
-                (1 << 28) - 1
+            bounds.depth_key = if tiles.is_empty() {
+                (1 << DEPTH_KEY_BITS) - 1
             } else {
                 rng.random_range(0..n as u32 / 4 + 1) * 99_991
-            });
+            };
             case.bounds.push(bounds);
             case.tiles.push(tiles);
         }
@@ -70,7 +72,11 @@ impl TileListCase {
     }
 
     pub(super) fn same_depth(&self, a: u32, b: u32) -> bool {
-        self.keys[a as usize] == self.keys[b as usize]
+        self.key(a) == self.key(b)
+    }
+
+    fn key(&self, splat: u32) -> u32 {
+        self.bounds[splat as usize].depth_key
     }
 
     /// Splats of each tile by depth key, then index.
@@ -80,10 +86,24 @@ impl TileListCase {
             tiles.iter().for_each(|&tile| lists[tile as usize].push(splat));
         }
         for list in &mut lists {
-            list.sort_unstable_by_key(|&splat: &u32| (self.keys[splat as usize], splat));
+            list.sort_unstable_by_key(|&splat: &u32| (self.key(splat), splat));
         }
         lists
     }
+}
+
+/// The visible splats of each group of [`GROUP`] splats and the number of their pairs, as `project` lists them.
+pub(super) fn group_lists(bounds: &[TestBounds]) -> Vec<u32> {
+    let (groups, group) = (bounds.len().div_ceil(GROUP as usize), GROUP as usize);
+    let mut out = vec![0xabcd_ef01; group_list_entries(bounds.len() as u64) as usize];
+    for (k, bounds) in bounds.chunks(group).enumerate() {
+        let seen: Vec<usize> = (0..bounds.len()).filter(|&i| bounds[i].num_tiles > 0).collect();
+        seen.iter().enumerate().for_each(|(at, &i)| out[k * group + at] = (k * group + i) as u32);
+        out[groups * group + k] = seen.len() as u32;
+        let pairs = bounds.iter().fold(0_u32, |sum, b| sum.saturating_add(b.num_tiles));
+        out[groups * (group + 1) + k] = pairs;
+    }
+    out
 }
 
 fn random_box(size_px: [u32; 2], rng: &mut Pcg32) -> TestBounds {

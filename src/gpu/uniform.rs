@@ -1,7 +1,8 @@
 //! Fills in the uniforms of training steps and images.
 
 use super::layout::{
-    FLAG_PERSIST, FLAG_STATISTICS, PAIR_SUMS, PAIR_SUMS_GEOMETRY, PAIR_SUMS_STATISTICS, StepUniform,
+    FLAG_NO_VIEW, FLAG_PERSIST, FLAG_STATISTICS, FLAG_UNSEEN, PAIR_SUMS, PAIR_SUMS_GEOMETRY,
+    PAIR_SUMS_STATISTICS, StepUniform,
 };
 use super::shader::{FIXED_MAX, TILE_PX};
 use crate::backend::{ColourMap, LossWeights, StepRequest, probe_scale};
@@ -32,6 +33,7 @@ pub(super) fn grid(camera: &Camera, tile_rows_px: u32) -> [u32; 2] {
 
 /// Uniform of dispatches that use no view.
 pub(super) fn without_view(inputs: &UniformInputs, flags: u32) -> StepUniform {
+    let [last_m_correction, last_v_correction_sqrt] = bias_corrections(inputs.flushed_step.max(1));
     StepUniform {
         near: inputs.near,
         filter_px2: inputs.filter_px2,
@@ -41,12 +43,29 @@ pub(super) fn without_view(inputs: &UniformInputs, flags: u32) -> StepUniform {
         partial_stride: PAIR_SUMS,
         last_rate_sh_dc: inputs.flushed_rates.sh_dc,
         last_rate_sh_rest: inputs.flushed_rates.sh_rest,
+        last_rate_position: inputs.flushed_rates.position,
+        last_rate_quaternion: inputs.flushed_rates.quaternion,
+        last_rate_log_scale: inputs.flushed_rates.log_scale,
+        last_rate_opacity: inputs.flushed_rates.opacity,
+        last_m_correction,
+        last_v_correction_sqrt,
         last_rate_texel: inputs.flushed_rates.texel,
         last_rate_texel_growth: inputs.flushed_rates.texel_growth,
         last_rate_texel_growth_limit: inputs.flushed_rates.texel_growth_limit,
         flags,
         ..StepUniform::default()
     }
+}
+
+/// Uniform of `project` after the last step of a submission: splats that it did not see take it.
+pub(super) fn end(inputs: &UniformInputs) -> StepUniform {
+    without_view(inputs, FLAG_UNSEEN | FLAG_NO_VIEW)
+}
+
+/// Bias corrections of both moments, 1 / (1 - beta1^t) and 1 / sqrt(1 - beta2^t).
+fn bias_corrections(step: u32) -> [f32; 2] {
+    let t = f64::from(step);
+    [(1.0 / (1.0 - ADAM_BETA1.powf(t))) as f32, (1.0 / (1.0 - ADAM_BETA2.powf(t)).sqrt()) as f32]
 }
 
 /// Uniform of an image.
@@ -94,7 +113,7 @@ pub(super) fn step(
     status_slot: u32,
 ) -> StepUniform {
     let (loss, rates) = (&request.loss, &request.rates);
-    let t = f64::from(request.step);
+    let [m_correction, v_correction_sqrt] = bias_corrections(request.step);
     let num_pixels = request.camera.pinhole.num_pixels() as f64;
     let statistics = if request.accumulate_statistics { FLAG_STATISTICS } else { 0 };
     let exposure = request.exposure.unwrap_or(ColourMap::IDENTITY);
@@ -126,8 +145,8 @@ pub(super) fn step(
         rate_texel: rates.texel,
         rate_texel_growth: rates.texel_growth,
         rate_texel_growth_limit: rates.texel_growth_limit,
-        m_correction: (1.0 / (1.0 - ADAM_BETA1.powf(t))) as f32,
-        v_correction_sqrt: (1.0 / (1.0 - ADAM_BETA2.powf(t)).sqrt()) as f32,
+        m_correction,
+        v_correction_sqrt,
         ..image(inputs, &request.camera, request.background, request.sh_degree)
     }
 }

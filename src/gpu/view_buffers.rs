@@ -2,19 +2,25 @@
 
 use super::device::GpuDevice;
 use super::kernels::Buf;
+use super::layout::PAIR_SUMS_GEOMETRY;
 use super::resources::Resources;
 use super::shader::BLOCK;
-use super::sort::histogram_entries;
+use super::sort::{group_list_entries, histogram_entries};
 use super::uniform::partial_stride;
 use crate::Result;
 use std::collections::BTreeMap;
+
+/// Bytes of a pair in the largest buffer that must hold all pairs at once (`shaders/common/projected.wgsl`).
+pub(super) const PAIR_BYTES: u64 = 12;
+/// Most parts of a buffer's size that the partial sums of all pairs take; one more for rounding.
+pub(super) const MOST_ROUNDS: usize = (4 * PAIR_SUMS_GEOMETRY as u64 / PAIR_BYTES) as usize + 1;
 
 /// Current capacity of the buffers.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Capacity {
     /// Pairs of an image.
     pub pairs: u64,
-    /// Pairs of a training step, which also need partial sums. Images may have needed more.
+    /// Pairs of a training step. Images may have needed more.
     pub training_pairs: u64,
     /// Bytes of each buffer.
     bytes: BTreeMap<Buf, u64>,
@@ -41,6 +47,11 @@ impl Capacity {
         if training { self.training_pairs } else { self.pairs }
     }
 
+    /// Pairs whose partial sums fit at a time, with `stride` floats each.
+    pub(super) fn partial_pairs(&self, stride: u32) -> u64 {
+        self.bytes.get(&Buf::Partials).map_or(1, |bytes| bytes / (4 * u64::from(stride)))
+    }
+
     /// Grows the buffers that are too small.
     ///
     /// # Errors
@@ -56,18 +67,21 @@ impl Capacity {
         let histogram = histogram_entries(keys as u32);
         let training_pairs = if training { pairs.max(self.training_pairs) } else { self.training_pairs };
         let partial_bytes = 4 * u64::from(partial_stride(geometry, statistics));
+        let partials = training_pairs.min(device.most_buffer_bytes() / 16 * 16 / partial_bytes);
         // Whether it is needed, what its elements are, how many, and the bytes of each.
         for (is_needed, name, what, elements, element_bytes) in [
             (true, Buf::KeysA, "sort keys", keys, 4),
             (true, Buf::KeysB, "sort keys", keys, 4),
             (true, Buf::ValuesA, "sort keys", keys, 4),
             (true, Buf::ValuesB, "sort keys", keys, 4),
-            (true, Buf::Histogram, "sort histograms", histogram, 4),
-            (true, Buf::SlotSplat, "tile-splat pairs", pairs, 4),
-            (true, Buf::Pairs, "tile-splat pairs", pairs, 16),
+            (true, Buf::HistogramA, "sort histograms", histogram, 4),
+            (true, Buf::HistogramB, "sort histograms", histogram, 4),
+            (true, Buf::GroupLists, "lists of visible splats", group_list_entries(splats), 4),
+            (true, Buf::Slots, "tile-splat pairs", pairs, 4),
+            (true, Buf::Pairs, "tile-splat pairs", pairs, PAIR_BYTES),
             (true, Buf::SlotOffsets, "prefix sums", splats, 4),
             (true, Buf::BlockSums, "prefix sums", splats.div_ceil(u64::from(BLOCK)), 4),
-            (training, Buf::Partials, "partial sums of tile-splat pairs", training_pairs, partial_bytes),
+            (training, Buf::Partials, "partial sums of tile-splat pairs", partials, partial_bytes),
             (true, Buf::Pixels, "pixels", pixels, 16),
             (true, Buf::PixelState, "pixels", pixels, 8),
             (training, Buf::PixelGrad, "pixel gradients", pixels, 16),

@@ -124,7 +124,7 @@ fn pair_figures(sum: &RasterCounters, tile_pairs: f64, tile_pixels: u64) -> Pair
 impl GpuBackend {
     /// Kernels of a step without window statistics, each listed once.
     fn kernels_of_step(&self, camera: &Camera) -> Vec<KernelId> {
-        let dispatches = self.step_dispatches(UniformOffsets::default(), camera, false, false, false);
+        let dispatches = self.step_dispatches(&[UniformOffsets::default()], camera, false, false, false);
         let mut kernels: Vec<_> = dispatches.iter().map(|d| d.kernel).collect();
         kernels.sort_unstable();
         kernels.dedup();

@@ -8,7 +8,7 @@ use crate::gpu::layout::{Status, StepUniform};
 use crate::gpu::model_buffers::filled;
 use crate::gpu::resources::{Resources, UniformOffsets};
 use crate::gpu::shader::DEPTH_KEY_BITS;
-use crate::gpu::sort::{DEPTH_PASSES, depth_sort, first_args, histogram_entries, sort_passes};
+use crate::gpu::sort::{depth_sort, first_counts, sort_args, sort_passes};
 use serde::Serialize;
 use std::time::Instant;
 
@@ -30,12 +30,13 @@ pub struct SortThroughput {
     pub sorted: bool,
 }
 
-/// Sorts pseudo-random keys several times, after a warm-up; the unsorted keys are copied in before each sort.
+/// Sorts pseudo-random keys several times, after a warm-up; keys, values and the counts of the first digits are copied in before
+/// each sort.
 ///
 /// # Errors
 /// [`crate::Error::Device`] if allocation or the device fails.
 pub fn sort_throughput(device: &GpuDevice, keys: usize) -> Result<SortThroughput> {
-    let kernels = [KernelId::SortCount, KernelId::SortScan, KernelId::SortScatter];
+    let kernels = [KernelId::SortScan, KernelId::SortScatter];
     let pipelines = device.pipelines(&kernels, &[], true)?;
     let passes = sort_passes();
     let mut resources =
@@ -43,27 +44,34 @@ pub fn sort_throughput(device: &GpuDevice, keys: usize) -> Result<SortThroughput
     for (at, pass) in (0..).step_by(UNIFORM_STRIDE as usize).zip(&passes) {
         device.queue.write_buffer(resources.sort_passes(), at, bytemuck::bytes_of(pass));
     }
-    let step = StepUniform { num_splats: keys as u32, ..StepUniform::default() };
-    device.queue.write_buffer(resources.steps(), 0, bytemuck::bytes_of(&step));
+    device.queue.write_buffer(resources.steps(), 0, bytemuck::bytes_of(&StepUniform::default()));
     let mask = (1_u32 << DEPTH_KEY_BITS) - 1;
     // Hashed indices: all digits occur, few keys are equal.
     let values: Vec<u32> = (0..keys as u32)
         .map(|i| (i ^ (i >> 7)).wrapping_mul(0x9e37_79b1).rotate_left(13).wrapping_mul(0x85eb_ca6b) & mask)
         .collect();
-    let unsorted = filled(device, "sort keys", &values)?;
-    for name in [Buf::KeysA, Buf::ValuesA, Buf::KeysB, Buf::ValuesB] {
-        resources.set(name, device.buffer("sort keys", keys as u64, 4)?);
+    let indices: Vec<u32> = (0..keys as u32).collect();
+    let counts = first_counts(&values);
+    let inputs = [
+        (Buf::KeysA, Buf::KeysB, filled(device, "sort keys", &values)?),
+        (Buf::ValuesA, Buf::ValuesB, filled(device, "sort keys", &indices)?),
+        (Buf::HistogramA, Buf::HistogramB, filled(device, "sort histograms", &counts)?),
+    ];
+    for (a, b, input) in &inputs {
+        resources.set(*a, device.buffer("sort buffers", input.size() / 4, 4)?);
+        resources.set(*b, device.buffer("sort buffers", input.size() / 4, 4)?);
     }
-    resources.set(Buf::Histogram, device.buffer("sort histograms", histogram_entries(keys as u32), 4)?);
-    resources.set(Buf::Status, filled(device, "status", &[Status::default()])?);
-    resources.set(Buf::Args, filled(device, "dispatches", &first_args(keys as u32))?);
+    let status = Status { visible: keys as u32, ..Status::default() };
+    resources.set(Buf::Status, filled(device, "status", &[status])?);
+    resources.set(Buf::Args, filled(device, "dispatches", &sort_args(keys as u32))?);
 
     let mut run = |runs: u32| -> Result<f64> {
         let start = Instant::now();
         let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         for _ in 0..runs {
-            let to = resources.buffer(Buf::KeysA);
-            encoder.copy_buffer_to_buffer(&unsorted, 0, to, 0, unsorted.size());
+            for (to, _, input) in &inputs {
+                encoder.copy_buffer_to_buffer(input, 0, resources.buffer(*to), 0, input.size());
+            }
             let dispatches = depth_sort(UniformOffsets::default());
             encode(device, &mut encoder, &mut resources, &pipelines, &dispatches, None);
         }
@@ -73,9 +81,8 @@ pub fn sort_throughput(device: &GpuDevice, keys: usize) -> Result<SortThroughput
     };
     run(1)?;
     let secs = run(RUNS)?.max(1e-9);
-    let mut order: Vec<u32> = (0..keys as u32).collect();
+    let mut order = indices;
     order.sort_by_key(|&i| values[i as usize]);
-    const { assert!(DEPTH_PASSES % 2 == 1) };
-    let sorted = device.read::<u32>(resources.buffer(Buf::ValuesB), keys)? == order;
+    let sorted = device.read::<u32>(resources.buffer(Buf::ValuesA), keys)? == order;
     Ok(SortThroughput { keys, bits: DEPTH_KEY_BITS, secs, keys_per_sec: keys as f64 / secs, sorted })
 }

@@ -98,8 +98,8 @@ const ATOMIC: f64 = 2.0 * WORD;
 const GEOMETRY: f64 = 10.0;
 /// Bytes to update a parameter: value and both moments, read and written.
 const STATE: f64 = 6.0 * WORD;
-/// Bytes of a pair's slot and splat, and of its texel window (`shaders/common/projected.wgsl`).
-const PAIR: f64 = 8.0;
+/// Bytes of a pair's splat, and of its texel window (`shaders/common/projected.wgsl`).
+const PAIR: f64 = 4.0;
 const WINDOW: f64 = 8.0;
 const PROJECTED: f64 = PROJECTED_BYTES as f64;
 const BOUNDS: f64 = BOUNDS_BYTES as f64;
@@ -110,43 +110,58 @@ const PARTIALS: f64 = PAIR_SUMS as f64 * WORD;
 pub(super) fn traffic(kernel: KernelId, c: &TrafficCounts) -> Vec<(TrafficItem, f64)> {
     use KernelId as K;
     use TrafficItem as I;
-    // Keys that the passes of both sorts handle: all splats by depth, then all pairs by tile.
-    let sorted = c.depth_passes * c.splats + c.tile_passes * c.pairs;
+    // Keys that the passes of both sorts handle: visible splats by depth, then pairs by tile.
+    let sorted = c.depth_passes * c.visible + c.tile_passes * c.pairs;
     let histograms = sorted / f64::from(BLOCK) * f64::from(1 << DIGIT_BITS) * WORD;
-    // The first pass of each sort generates its values instead of reading them.
-    let values = sorted - (c.splats + c.pairs);
-    let block_sums = c.splats / f64::from(BLOCK) * WORD;
-    let block_status = (c.splats / f64::from(GROUP)).ceil() * SPLAT_SUMS_BYTES as f64;
+    // The first pass by tile generates its values instead of reading them. The emitting kernels count the digits of the first
+    // passes; the others clear and add to the counts of the next.
+    let values = sorted - c.pairs;
+    let counted = sorted - (c.visible + c.pairs);
+    let [first, by_pair] =
+        [c.visible, c.pairs].map(|keys| keys / f64::from(BLOCK) * f64::from(1 << DIGIT_BITS) * WORD);
+    let cleared = histograms - (first + by_pair);
+    let block_sums = c.visible / f64::from(BLOCK) * WORD;
+    let group_sums = c.splats / f64::from(GROUP) * WORD;
+    let block_status = (c.visible / f64::from(GROUP)).ceil() * SPLAT_SUMS_BYTES as f64;
     // Pairs, splats and texels that the rasterisation reads. The forward pass writes the windows, the backward pass
     // reads them.
     let scene = 8.0 * c.tiles + (PAIR + PROJECTED + WINDOW) * c.pairs + 16.0 * c.visible_texels;
     match kernel {
         K::Project => {
-            let all = (GEOMETRY * WORD + BOUNDS + 2.0 * WORD) * c.splats;
-            let visible = (INFO + c.sh_floats * WORD + PROJECTED) * c.visible;
+            let all = (GEOMETRY * WORD + BOUNDS + WORD) * c.splats + 2.0 * group_sums;
+            let visible = (INFO + c.sh_floats * WORD + PROJECTED + WORD) * c.visible;
             // Both moments are read, values and moments written.
             let lagging = 5.0 * WORD * c.sh_floats * c.lagging;
-            vec![(I::Preprocess, all + visible), (I::Adam, lagging)]
+            // The others take the step before.
+            let unseen = WORD * c.splats + STATE * GEOMETRY * (c.splats - c.visible);
+            vec![(I::Preprocess, all + visible), (I::Adam, lagging + unseen)]
         }
         K::FlushTexel => {
-            let records = WORD * c.splats + INFO * c.visible + WORD * c.lagging;
+            let records = (WORD + INFO) * c.visible + WORD * c.lagging;
             vec![(I::Adam, records + (STATE + WORD) * 3.0 * c.lagging_texels)]
         }
-        K::SortCount => vec![(I::Sort, WORD * sorted + histograms)],
-        K::SortScan => vec![(I::Sort, 2.0 * histograms)],
-        K::SortScatter => vec![(I::Sort, histograms + 3.0 * WORD * sorted + WORD * values)],
-        K::PrefixBlocks => vec![(I::Sort, 3.0 * WORD * c.splats + block_sums)],
-        K::PrefixSums => {
+        K::VisibleSums => {
             let table = f64::from(crate::gpu::kernels::NUM_GROUPS) * size_of::<DispatchArgs>() as f64;
-            vec![(I::Sort, 2.0 * block_sums + table)]
+            vec![(I::Sort, 3.0 * group_sums + table)]
         }
+        // List, key, and both where they are sorted, the list of all; places of the groups.
+        K::ListVisible => vec![(I::Sort, 5.0 * WORD * c.visible + group_sums + first)],
+        K::SortScan => vec![(I::Sort, 2.0 * histograms + cleared)],
+        K::SortScatter => {
+            vec![(I::Sort, histograms + 3.0 * WORD * sorted + WORD * values + ATOMIC * counted)]
+        }
+        K::PrefixBlocks => vec![(I::Sort, 3.0 * WORD * c.visible + block_sums)],
+        K::PrefixSums => vec![(I::Sort, 2.0 * block_sums)],
+        // Splats in depth order, with their slots and bounds; the pairs' tiles and splats.
         K::TileEmit => {
-            let splats = 3.0 * WORD * c.splats + (BOUNDS + WORD) * c.visible;
-            vec![(I::Sort, splats + 2.0 * WORD * c.pairs)]
+            let splats = (2.0 * WORD + BOUNDS + WORD) * c.visible + block_sums;
+            vec![(I::Sort, splats + 2.0 * WORD * c.pairs + by_pair)]
         }
-        // Binary searches for both ends of a tile's range.
-        K::TileRanges => vec![(I::Sort, c.tiles * (8.0 + 2.0 * WORD * c.pairs.max(1.0).log2().ceil()))],
-        K::GatherPairs => vec![(I::Sort, (2.0 * WORD + PAIR) * c.pairs)],
+        // Slots, splats and places of the pairs; binary searches for both ends of a tile's range.
+        K::GatherPairs => {
+            let ranges = c.tiles * (8.0 + 2.0 * WORD * c.pairs.max(1.0).log2().ceil());
+            vec![(I::Sort, (3.0 * WORD + PAIR) * c.pairs + ranges)]
+        }
         K::RasterFwd | K::RasterFwdCount | K::RasterFwdBatched | K::RasterFwdBatchedCount => {
             vec![(I::Forward, scene + (16.0 + 8.0) * c.pixels)]
         }
@@ -163,23 +178,23 @@ pub(super) fn traffic(kernel: KernelId, c: &TrafficCounts) -> Vec<(TrafficItem, 
             let sums = PARTIALS * c.pairs + ATOMIC * c.texel_atomics;
             vec![(I::Backward, scene + (8.0 + 16.0) * c.pixels + sums)]
         }
-        // Number of pairs of all splats, and first slot of visible ones.
+        // The splats with number of pairs and first slot; the places of the pairs.
         K::SumPairs => {
-            vec![(I::Backward, WORD * (c.splats + c.visible) + PARTIALS * (c.pairs + c.visible))]
+            vec![(I::Backward, 3.0 * WORD * c.visible + WORD * c.pairs + PARTIALS * (c.pairs + c.visible))]
         }
         K::ProjectBwd => {
-            // Number of pairs and place of the parameters of all splats; faults of visible ones.
-            let sums = 2.0 * WORD * c.splats + (PROJECTED + WORD + PARTIALS) * c.visible;
-            let state = STATE * (GEOMETRY * c.splats + c.sh_floats * c.visible);
+            // The splats with place of their parameters, opacity and faults.
+            let sums = (4.0 * WORD + PROJECTED + PARTIALS) * c.visible;
+            let state = STATE * (GEOMETRY + c.sh_floats) * c.visible;
             vec![(I::Backward, sums), (I::Adam, state)]
         }
         K::AdamTexel => {
-            // Number of pairs of all splats; box, residual sum and record of visible ones. Gradients
+            // The splats with box, residual sum and record. Gradients
             // are read and zeroed, activated texels written.
-            let records = WORD * c.splats + (3.0 * WORD + INFO + WORD) * c.visible;
+            let records = (5.0 * WORD + INFO) * c.visible;
             vec![(I::Adam, records + (STATE + 3.0 * WORD) * 3.0 * c.visible_texels)]
         }
-        K::FinishBlocks => vec![(I::Status, WORD * c.splats + 3.0 * WORD * c.visible + block_status)],
+        K::FinishBlocks => vec![(I::Status, 4.0 * WORD * c.visible + block_status)],
         K::Finish => vec![(I::Status, block_status + 16.0 * c.tiles + size_of::<Status>() as f64)],
         // Not part of a step, or only used for depths and normals or exposures.
         K::ProjectGeometry
@@ -264,8 +279,8 @@ mod tests {
             lagging_texels: 1_600.0,
             sh_floats: 48.0,
             texel_atomics: 30_000.0,
-            depth_passes: 7.0,
-            tile_passes: 3.0,
+            depth_passes: 4.0,
+            tile_passes: 2.0,
         }
     }
 
@@ -286,10 +301,12 @@ mod tests {
         let c = counts();
         let of = |kernel| traffic(kernel, &c).iter().map(|(_, bytes)| bytes).sum::<f64>();
         assert_eq!(of(KernelId::LossFwd), 60.0 * 65_536.0 + 4_096.0);
-        assert_eq!(of(KernelId::GatherPairs), 16.0 * 20_480.0);
-        // 133,120 keys in 130 blocks of 16 counts each.
-        assert_eq!(of(KernelId::SortScan), 2.0 * 130.0 * 64.0);
-        assert_eq!(of(KernelId::SortCount), 133_120.0 * 4.0 + 130.0 * 64.0);
+        // Searches of 15 steps for both ends of 256 ranges.
+        assert_eq!(of(KernelId::GatherPairs), 16.0 * 20_480.0 + 256.0 * 128.0);
+        // 57,344 keys in 56 blocks of 256 counts each, of which 32 are those of later passes.
+        assert_eq!(of(KernelId::SortScan), (2.0 * 56.0 + 32.0) * 1024.0);
+        let moved = 57_344.0 * 16.0 - 20_480.0 * 4.0;
+        assert_eq!(of(KernelId::SortScatter), 56.0 * 1024.0 + moved + 32.0 * 1024.0 * 8.0);
         assert_eq!(TrafficItem::Sort.floor(&c), 144.0 * 20_480.0);
         assert_eq!(TrafficItem::Backward.floor(&c), 168.0 * 20_480.0 + 240_000.0);
     }

@@ -107,11 +107,19 @@ pub(super) fn mirrors() -> Vec<Mirror> {
                 last_rate_texel_growth_limit,
                 filter_px2,
                 probe_scale,
+                last_rate_position,
+                last_rate_quaternion,
+                last_rate_log_scale,
+                last_rate_opacity,
+                last_m_correction,
+                last_v_correction_sqrt,
+                partial_first,
+                partial_capacity,
                 pad0,
                 pad1,
             }
         ),
-        mirror!("SortPass", SortPass { shift, counts_pairs, identity_values, pad }),
+        mirror!("SortPass", SortPass { shift, counts_pairs, identity_values, counts_next }),
         mirror!(
             "SplatInfo",
             SplatInfo { map_offset_texels, map_size, texel_sizes, map_origin, last_step, parameters }
