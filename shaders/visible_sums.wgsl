@@ -1,6 +1,6 @@
 // Place of each group's visible splats in the list of all, the total numbers of visible splats and of pairs, and the
 // workgroup counts of every later dispatch of the step (no twin; tested in gpu/tile_list_tests.rs). If the pairs exceed the
-// capacity, all counts become zero, so that nothing further in the submission is applied.
+// capacity, all counts become zero, so that nothing further in the submission is applied; but the step's flush ends.
 // One workgroup, dispatched directly: a dispatch must not read its size from a table that it writes. Invocation:
 // LANE_ELEMENTS neighbouring groups at a time.
 
@@ -40,17 +40,26 @@ fn visible_sums(@builtin(local_invocation_index) lane: u32) {
         num_visible += scan.total;
         pairs = add_saturating(pairs, scan_group(lane, own_pairs).total);
     }
+    if lane > 0u {
+        return;
+    }
     // An earlier step of the submission did not fit: the lists are stale, and all counts stay zero.
-    if lane > 0u || args[3u * GROUPS_ONE] == 0u {
+    if args[3u * GROUPS_ONE] == 0u {
+        set_groups(GROUPS_LISTED_BLOCKS, 0u);
+        set_groups(GROUPS_EACH_LISTED, 0u);
         return;
     }
     visible[0] = num_visible;
     status[step.status_slot].visible = num_visible;
     status[step.status_slot].needed_pairs = pairs;
-    if pairs > step.pair_capacity {
-        for (var i = 0u; i < 3u * NUM_GROUPS; i += 1u) {
-            args[i] = 0u;
-        }
+    let fits = pairs <= step.pair_capacity;
+    for (var i = 0u; i < 3u * NUM_GROUPS && !fits; i += 1u) {
+        args[i] = 0u;
+    }
+    // `project` has flushed the SH of these splats: their texels must follow, whether the pairs fit or not.
+    set_groups(GROUPS_LISTED_BLOCKS, blocks_of(num_visible));
+    set_groups(GROUPS_EACH_LISTED, num_visible);
+    if !fits {
         return;
     }
     let num_tiles = step.grid.x * step.grid.y;

@@ -98,7 +98,7 @@ const fn write(name: &'static str, buffer: Buf) -> Binding {
 
 /// Numbers of workgroups: entries of the table of indirect dispatches. The host knows the first three before a
 /// step; `visible_sums` writes the others once it has counted the pairs. If the pairs of a step do not fit, it
-/// zeroes all entries, so that nothing after it in the submission is applied.
+/// zeroes all entries, so that nothing after it in the submission is applied; but the flush of that step ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u32)]
 pub enum Groups {
@@ -110,6 +110,10 @@ pub enum Groups {
     EachSplat,
     /// One workgroup, once the pairs are counted.
     OneLater,
+    /// One workgroup per block of [`super::shader::BLOCK`] visible splats, also if the pairs of this step do not fit.
+    ListedBlocks,
+    /// One workgroup per visible splat, also if the pairs of this step do not fit.
+    EachListed,
     /// One workgroup per visible splat.
     EachVisible,
     /// One invocation per visible splat.
@@ -180,7 +184,7 @@ kernels! {
         Project [];
         ProjectGeometry ["GEOMETRY"] + [write normals = Normals];
     }
-    "flush_texel", EachVisible, [
+    "flush_texel", EachListed, [
         write texel_p = TexelP, write texel_m = TexelM, write texel_v = TexelV, write texel_values = TexelValues,
         write splat_info = SplatInfo, read visible = Visible,
     ] => { FlushTexel [] }
@@ -290,7 +294,7 @@ kernels! {
     "visible_sums", One, [
         write status = Status, write group_lists = GroupLists, write args = Args, write visible = Visible,
     ] => { VisibleSums [] }
-    "list_visible", VisibleBlocks, [
+    "list_visible", ListedBlocks, [
         read status = Status, read group_lists = GroupLists, read bounds = Bounds, write keys_out = KeysA,
         write values_out = ValuesA, write histogram = HistogramA, write visible = Visible,
     ] => { ListVisible [] }

@@ -221,6 +221,8 @@ pub fn shared_constants() -> (Named<f64>, Named<u32>) {
         ("NUM_GROUPS", NUM_GROUPS),
         ("GROUPS_ONE", Groups::One as u32),
         ("GROUPS_ONE_LATER", Groups::OneLater as u32),
+        ("GROUPS_LISTED_BLOCKS", Groups::ListedBlocks as u32),
+        ("GROUPS_EACH_LISTED", Groups::EachListed as u32),
         ("GROUPS_EACH_VISIBLE", Groups::EachVisible as u32),
         ("GROUPS_VISIBLE", Groups::Visible as u32),
         ("GROUPS_VISIBLE_BLOCKS", Groups::VisibleBlocks as u32),

@@ -1,7 +1,7 @@
 //! Orders the kernels that turn bounds and depth keys into a list of pairs per tile, and computes the numbers that
 //! they need from the host.
 //!
-//! Order within a step: `project`, [`visible_list`], [`depth_sort`], [`pair_slots`], [`tile_lists`]. `project` and
+//! Order within a step: `project`, [`visible_list`], `flush_texel`, [`depth_sort`], [`pair_slots`], [`tile_lists`]. `project` and
 //! `visible_sums` take their workgroup counts from [`first_args`], which the host writes once per submission. The latter sets
 //! the counts of all later dispatches, or zeroes all counts if the pairs do not fit.
 //!
@@ -118,9 +118,9 @@ pub(super) fn tile_lists(step: UniformOffsets, num_tiles: u32) -> Vec<Dispatch> 
     out
 }
 
-/// All dispatches between `project` and `raster_fwd`.
+/// All dispatches between `flush_texel` and `raster_fwd`.
 pub(super) fn order_and_bin(step: UniformOffsets, num_tiles: u32) -> Vec<Dispatch> {
-    [visible_list(step), depth_sort(step), pair_slots(step), tile_lists(step, num_tiles)].concat()
+    [depth_sort(step), pair_slots(step), tile_lists(step, num_tiles)].concat()
 }
 
 /// Pass `index` of a sort, with entry `entry` of the table of sort passes.

@@ -66,6 +66,7 @@ impl GpuBackend {
             (KernelId::Project, self.raster.fwd)
         };
         let mut out = vec![Dispatch::new(project, offsets)];
+        out.extend(sort::visible_list(offsets));
         out.push(Dispatch::new(KernelId::FlushTexel, offsets));
         out.extend(sort::order_and_bin(offsets, cols * rows));
         out.push(Dispatch::new(raster, offsets));

@@ -2,6 +2,7 @@
 //! computations in Rust.
 
 use super::device::UNIFORM_STRIDE;
+use super::encode::Dispatch;
 use super::harness::Harness;
 use super::kernels::{Buf, Groups, KernelId, NUM_GROUPS};
 use super::layout::{DispatchArgs, PAIR_SUMS, Status, StepUniform};
@@ -160,6 +161,8 @@ fn workgroup_counts_of_later_dispatches_are_folded() {
         let mut expected = first_args(n);
         for (groups, count) in [
             (Groups::OneLater, 1),
+            (Groups::ListedBlocks, u32::div_ceil(seen, BLOCK)),
+            (Groups::EachListed, seen),
             (Groups::EachVisible, seen),
             (Groups::Visible, u32::div_ceil(seen, GROUP)),
             (Groups::VisibleBlocks, u32::div_ceil(seen, BLOCK)),
@@ -188,8 +191,12 @@ fn overflowing_sums_saturate() {
             let step = StepUniform { pair_capacity: 1 << 30, ..StepUniform::default() };
             run_visible(&mut harness, &touching(&counts), step);
             assert_eq!(harness.read::<Status>(Buf::Status, 4)[2].needed_pairs, u32::MAX);
-            let args = harness.read::<DispatchArgs>(Buf::Args, NUM_GROUPS as usize);
-            assert_eq!(args, vec![DispatchArgs::default(); NUM_GROUPS as usize]);
+            let mut expected = vec![DispatchArgs::default(); NUM_GROUPS as usize];
+            // What `project` has begun to flush is flushed.
+            let seen = counts.len() as u32;
+            expected[Groups::ListedBlocks as usize] = folded_groups(seen.div_ceil(BLOCK));
+            expected[Groups::EachListed as usize] = folded_groups(seen);
+            assert_eq!(harness.read::<DispatchArgs>(Buf::Args, NUM_GROUPS as usize), expected);
         }
     }
 }
@@ -217,6 +224,11 @@ fn fill_case(harness: &mut Harness, case: &TileListCase, capacity: u32) {
     for slot in 0..2 {
         harness.set_step(slot, &step_of(case, slot, capacity));
     }
+}
+
+/// All dispatches that list the pairs of each tile.
+fn listed(step: UniformOffsets, case: &TileListCase) -> Vec<Dispatch> {
+    [visible_list(step), order_and_bin(step, case.num_tiles())].concat()
 }
 
 /// The lists of visible splats, which each step overwrites.
@@ -276,7 +288,7 @@ fn every_tile_lists_its_splats_in_depth_order() {
             assert_eq!(num_tile_passes(case.num_tiles()), passes);
             let total: u32 = case.bounds.iter().map(|b| b.num_tiles).sum();
             fill_case(&mut harness, &case, total.max(1));
-            harness.run(&order_and_bin(STEP, case.num_tiles()));
+            harness.run(&listed(STEP, &case));
             let got = read_lists(&harness, &case);
             assert!(got == case.lists(), "{size_px:?}");
             // Negative control: exchanges two neighbours of equal depth.
@@ -300,15 +312,16 @@ fn pairs_that_do_not_fit_disable_all_later_dispatches() {
         let run_both = |harness: &mut Harness| {
             for step in [STEP, second] {
                 fill_lists(harness, &case);
-                harness.run(&order_and_bin(step, case.num_tiles()));
+                harness.run(&listed(step, &case));
             }
         };
-        let off = vec![DispatchArgs::default(); NUM_GROUPS as usize];
+        let off = vec![[0; 2]; NUM_GROUPS as usize];
 
         fill_case(&mut harness, &case, total);
         harness.set_step(0, &step_of(&case, 0, total - 1));
         run_both(&mut harness);
-        assert_eq!(harness.read::<DispatchArgs>(Buf::Args, NUM_GROUPS as usize), off);
+        let args = harness.read::<DispatchArgs>(Buf::Args, NUM_GROUPS as usize);
+        assert_eq!(args.iter().map(|a| [a.x, a.x * a.y]).collect::<Vec<_>>(), off);
         let needed = |harness: &Harness| {
             harness.read::<Status>(Buf::Status, 2).iter().map(|s| s.needed_pairs).collect()
         };
@@ -341,7 +354,7 @@ fn tile_counts_that_differ_by_rounding_do_no_harm() {
             }
             let total: u32 = changed.bounds.iter().map(|b| b.num_tiles).sum();
             fill_case(&mut harness, &changed, total);
-            harness.run(&order_and_bin(STEP, case.num_tiles()));
+            harness.run(&listed(STEP, &case));
             // An odd number of passes leaves the sorted keys in KeysB.
             let keys = harness.read::<u32>(Buf::KeysB, total as usize);
             let leftover = keys.iter().filter(|&&key| key == case.num_tiles()).count();
