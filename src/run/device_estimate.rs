@@ -14,7 +14,7 @@ const LAYERS: f64 = 17.0;
 const TILE_PX: f64 = 16.0;
 
 /// Bytes of a pair: two sort keys with their values twice, its splat, its record and its partial sums.
-const PAIR_BYTES: u64 = 16 + 4 + 16 + 80;
+const PAIR_BYTES: u64 = 16 + 4 + 12 + 80;
 /// Bytes of a pixel: image, gradients, SSIM maps.
 const PIXEL_BYTES: u64 = 80;
 /// The same with terms on depths and normals.
@@ -218,7 +218,7 @@ mod tests {
     #[test]
     fn limits_that_may_be_met_are_named_with_what_keeps_within_them() {
         let config = TrainConfig::default();
-        // Buffers of 128 MiB, as WebGPU guarantees.
+        // A small device.
         let limits = DeviceLimits {
             max_side_px: 16_384,
             max_pixels: 3_728_270,
