@@ -1,5 +1,4 @@
-//! Pixel bounds and row spans of a splat (twin: `reference/bounds.rs`). Tile lists and kernels both use
-//! [`Bounds::row_span`], so that exactly the listed pairs are visited.
+//! Pixel bounds and row spans of a splat (twin: `reference/bounds.rs`), from which the tile lists follow.
 
 use super::view::ViewF32;
 use crate::constants::{ALPHA_MIN, CONIC_MARGIN};
