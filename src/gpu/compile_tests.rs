@@ -36,7 +36,7 @@ fn the_minimum_limits_are_enforced() {
         let texels = 130 << 16;
         let refused = device.buffer("texels", texels, 16).unwrap_err();
         let message = refused.to_string();
-        assert!(matches!(refused, Error::Device(_)), "{message}");
+        assert!(matches!(refused, Error::DeviceFull(_)), "{message}");
         for part in [format!("texels: {texels} x 16 bytes = 130.0 MiB"), "128.0 MiB".into()] {
             assert!(message.contains(&part), "{message}");
         }
