@@ -11,7 +11,7 @@ use litetex_gs::backend::{Backend as _, StepRequest, WindowStatistics};
 use litetex_gs::cpu::CpuBackend;
 use litetex_gs::model::{AdamState, LearningRates, Model, ModelSize, TextureMap, TexturePool};
 use litetex_gs::train::density::{Budget, DensityConfig, Growth, SplatHistory};
-use litetex_gs::train::{Policy, Schedule, TrainConfig, TrainState};
+use litetex_gs::train::{DeviceBound, Policy, Schedule, TrainConfig, TrainState};
 use litetex_gs::views::{Split, ViewSource as _};
 
 fn run(config: &TrainConfig, start: TrainState, threads: usize) -> RunRecord {
@@ -140,6 +140,8 @@ fn density_control_without_growth_changes_only_histories_and_the_window() {
         histories: Vec::new(),
         window: WindowStatistics::default(),
         window_views: Vec::new(),
+        // Pairs are counted anew after each density-control step.
+        device: DeviceBound { pairs: 0, ..state.device },
         stage_step: 0,
         revised_step: 0,
         ..state.clone()

@@ -14,8 +14,8 @@ use litetex_gs::cpu::CpuBackend;
 use litetex_gs::model::{AdamState, Model};
 use litetex_gs::selftest::{RandomScene, SceneOptions, random_scene};
 use litetex_gs::train::{
-    Control, GROWTH_ENDED, Policy, SMALLER_IMAGES, StopReason, TrainConfig, TrainEvent, TrainState,
-    checkpoint, train,
+    Control, DeviceBound, GROWTH_ENDED, Policy, SMALLER_IMAGES, StopReason, TrainConfig, TrainEvent,
+    TrainState, checkpoint, train,
 };
 use litetex_gs::{Error, Result};
 use std::collections::BTreeMap;
@@ -29,9 +29,11 @@ struct Room {
     splats: usize,
     /// Readings of the model, counted from 1, for which there is none.
     refused_reading: usize,
+    /// Whether there is room for images.
+    images: bool,
 }
 
-const PLENTY: Room = Room { pairs: u64::MAX, splats: usize::MAX, refused_reading: 0 };
+const PLENTY: Room = Room { pairs: u64::MAX, splats: usize::MAX, refused_reading: 0, images: true };
 
 /// The CPU backend with little room.
 struct Small {
@@ -65,7 +67,7 @@ impl Backend for Small {
         self.inner.probe(probes)
     }
     fn render(&mut self, camera: &Camera, options: &RenderOptions) -> Result<RenderedImage> {
-        self.inner.render(camera, options)
+        if self.room.images { self.inner.render(camera, options) } else { no_room("image") }
     }
     fn batch_steps(&self) -> usize {
         self.batch
@@ -252,6 +254,8 @@ fn images_stay_smaller_where_a_step_does_not_fit() {
     // Not even the first model fits.
     let room = Room { pairs: first * 3 / 4, ..PLENTY };
     let out = check(room, &[SMALLER_IMAGES]);
+    // Nor does an evaluation.
+    check(Room { images: false, ..room }, &[SMALLER_IMAGES, "no-test-figures"]);
     let scale = out.state.device.least_scale;
     println!("{first} pairs at first, {} at most, render scale {scale}", out.pairs);
     assert!(out.pairs <= room.pairs && scale > 1.0 && scale < 3.0, "{scale}");
@@ -267,6 +271,13 @@ fn a_model_that_cannot_be_read_is_left_as_it_is() {
     let room = Room { pairs: 1, ..PLENTY };
     let mut backend = Small { inner: CpuBackend::new(Some(2)).unwrap(), room, batch: 1, readings: 0 };
     let start = TrainState::fresh(damaged(&scene));
-    let error = train(&growing(), &mut backend, &photos(&scene), start, &mut |_| Ok(Control::Continue));
+    let mut saved = Vec::new();
+    let error = train(&growing(), &mut backend, &photos(&scene), start, &mut |event| {
+        if let TrainEvent::Checkpoint { state, .. } = event {
+            saved.push(state.device);
+        }
+        Ok(Control::Continue)
+    });
     assert!(matches!(error, Err(Error::DeviceFull(_))));
+    assert_eq!(saved, [DeviceBound::default()], "a device with more room goes on in full size");
 }

@@ -183,8 +183,14 @@ impl GpuBackend {
                  device \"cpu\""
             )));
         }
-        let pairs = (needed * 3 / 2).min(most).max(needed);
-        self.capacity.ensure(&self.device, &mut self.resources, &RequiredCapacity { pairs, ..*needs })
+        let grown = |pairs| RequiredCapacity { pairs, ..*needs };
+        let ample = (needed * 3 / 2).min(most).max(needed);
+        match self.capacity.ensure(&self.device, &mut self.resources, &grown(ample)) {
+            Err(Error::DeviceFull(_)) if ample > needed => {
+                self.capacity.ensure(&self.device, &mut self.resources, &grown(needed))
+            }
+            outcome => outcome,
+        }
     }
 
     /// Runs requests as submissions, which grow the buffers where pairs do not fit. Returns a report for each.

@@ -14,7 +14,7 @@ use crate::text::format_count;
 use crate::train::{Schedule, StopReason, TrainConfig, TrainState};
 use crate::verify::bake_checkpoint;
 use crate::views::{Split, ViewSource};
-use crate::{Report, Result, Warning};
+use crate::{Error, Report, Result, Warning};
 use litetex_exporters::ltgs::{LtgsOptions, encode};
 use litetex_exporters::{Provenance, Quality as AssetQuality};
 use std::time::Instant;
@@ -40,8 +40,13 @@ impl Recorder<'_> {
         let is_trained = reason != StopReason::Consumer && state.step >= UNCOVERED_MIN_STEPS;
         if is_trained && capture.indices(Split::Test).is_empty() {
             let options = render_options(&state.model, config.train.background, false);
-            let share = uncovered_of_training_views(backend, capture, &options)?;
-            self.warn_of_uncovered_pixels("training", share, "more steps may close the gaps")?;
+            match uncovered_of_training_views(backend, capture, &options) {
+                // Only a hint.
+                Err(Error::DeviceFull(_)) => {}
+                share => {
+                    self.warn_of_uncovered_pixels("training", share?, "more steps may close the gaps")?
+                }
+            }
         }
         if let Some(message) = over_budget(&config.train, state.model.num_params()) {
             self.warn(Warning { code: "budget-exceeded".to_owned(), message, count: 1 })?;
@@ -67,7 +72,11 @@ impl Recorder<'_> {
         schedule = self.train.plan.iter().fold(schedule, |now, &change| now.changed(change));
         let fps = match reason {
             StopReason::Consumer => None,
-            _ => measure_fps(backend, capture, state, train.background)?,
+            _ => match measure_fps(backend, capture, state, train.background) {
+                // As the evaluation said.
+                Err(Error::DeviceFull(_)) => None,
+                fps => fps?,
+            },
         };
         let memory_peak_bytes = process_bytes().map(|(_, peak)| peak);
         let disk = match reason {

@@ -19,6 +19,7 @@ impl Trainer<'_> {
     /// Plans a batch and does its steps, on smaller images where the first does not fit. Returns those that were done, with their
     /// reports.
     pub(super) fn fitting_batch(&mut self) -> Result<(Vec<PlannedStep>, Vec<StepReport>)> {
+        let before = (self.state.device, self.state.view_losses.clone());
         loop {
             let mut batch = self.plan_batch()?;
             let requests: Vec<StepRequest<'_>> = batch.iter().map(|planned| self.request(planned)).collect();
@@ -31,6 +32,12 @@ impl Trainer<'_> {
                 }
                 Err(Error::DeviceFull(what)) if self.can_reduce_images() => self.reduce_images(&what),
                 outcome => {
+                    if matches!(outcome, Err(Error::DeviceFull(_))) {
+                        // No size fits: a device with more room goes on from here as if this had not happened.
+                        self.state.device = before.0;
+                        self.begin_stage(self.state.stage_step);
+                        self.state.view_losses = before.1;
+                    }
                     // A checkpoint saved now must include the steps done before the backend failed. What they showed of
                     // the exposures is lost: their views keep their maps for another epoch.
                     if let Ok((_, adam)) = self.backend.read_back() {
@@ -72,12 +79,11 @@ impl Trainer<'_> {
         if self.state.device.ended_step != step {
             return;
         }
-        let device = self.backend.device().name;
         self.add_warning(
             GROWTH_ENDED,
             format!(
-                "step {step}: the model stops growing at {} splats, {} parameters, for {device} has no room for more: {what}. For \
-                 a model that ends within it, --budget-params {}; for a larger one another --device or a lower --max-resolution",
+                "step {step}: the model stops growing at {} splats, {} parameters, because the device has no room for more: {what}; \
+                 --budget-params {} keeps within it, another --device or a lower --max-resolution may hold more",
                 format_count(size.splats as u64),
                 format_count(size.params as u64),
                 size.params

@@ -5,10 +5,14 @@ use super::super::events::{Control, Sink, TrainEvent};
 use super::super::state::CurvePoint;
 use super::trainer::{Clock, Trainer};
 use crate::backend::{RenderOptions, RenderedImage};
-use crate::{Result, Warning};
+use crate::eval::Evaluation;
+use crate::{Error, Result, Warning};
 
 /// Code of the warning that [`Control::Snapshot`] leads to where the device cannot read its model, as for want of memory.
 pub const NO_SNAPSHOT: &str = "no-snapshot";
+
+/// Code of the warning that an evaluation has no figures.
+pub const NO_TEST_FIGURES: &str = "no-test-figures";
 
 impl Trainer<'_> {
     pub(super) fn snapshot(&mut self, sink: Sink<'_>) -> Result<Control> {
@@ -39,19 +43,21 @@ impl Trainer<'_> {
         };
         let mut on_view =
             |view: usize, image: &RenderedImage| sink(TrainEvent::EvalView { step, view, image });
-        let outcome = evaluate(self.backend, self.views, &self.test_views, &options, &mut on_view)?;
-        let evaluation = match outcome {
-            Evaluated::Figures(evaluation) => evaluation,
-            Evaluated::Stopped => return Ok(Control::Stop),
-            Evaluated::Nothing => {
-                let message = "the masks exclude every pixel of the test views: there are no test figures";
-                return sink(TrainEvent::Warning(Warning {
-                    code: "no-test-figures".into(),
-                    message: message.into(),
-                    count: 1,
-                }));
-            }
+        let outcome = evaluate(self.backend, self.views, &self.test_views, &options, &mut on_view);
+        let why = match outcome {
+            Ok(Evaluated::Figures(evaluation)) => return self.evaluated(evaluation, last, sink),
+            Ok(Evaluated::Stopped) => return Ok(Control::Stop),
+            Ok(Evaluated::Nothing) => "the masks exclude every pixel of the test views".to_owned(),
+            // Steps on smaller images go on.
+            Err(Error::DeviceFull(what)) => format!("step {step}: {what}"),
+            Err(error) => return Err(error),
         };
+        let message = format!("{why}: there are no test figures");
+        sink(TrainEvent::Warning(Warning { code: NO_TEST_FIGURES.to_owned(), message, count: 1 }))
+    }
+
+    fn evaluated(&mut self, evaluation: Evaluation, last: bool, sink: Sink<'_>) -> Result<Control> {
+        let step = self.state.step;
         let history = &mut self.state.history;
         let point = CurvePoint {
             step,

@@ -1,12 +1,12 @@
 //! Whether training makes up for merges: a model with them and one without are trained alike for a while, and compared.
 
 use super::{Merging, Parts};
-use crate::Result;
 use crate::backend::{Backend, StepRequest, TargetImage};
 use crate::model::TextureMap;
 use crate::train::density::{SplatHistory, pixel_sizes};
 use crate::train::prune::costs::SplatCosts;
 use crate::train::prune::round::{RAISES, Round, TRIALS, TrainingViews, Trial};
+use crate::{Error, Result};
 use std::sync::Arc;
 
 /// Merges that were kept.
@@ -138,9 +138,12 @@ impl Round {
             };
             let requests: Vec<StepRequest<'_>> =
                 batch.iter().zip(photos.iter().map(Arc::as_ref)).map(request).collect();
-            let done = backend.steps(&requests)?.len();
-            if done < requests.len() {
-                backend.steps(&requests[done..])?;
+            let mut done = 0;
+            while done < requests.len() {
+                done += match backend.steps(&requests[done..])?.len() {
+                    0 => return Err(Error::Device(format!("{done} of {} steps were done", requests.len()))),
+                    some => some,
+                };
             }
         }
         Ok(())
