@@ -223,8 +223,8 @@ mod tests {
             max_side_px: 16_384,
             max_pixels: 3_728_270,
             max_splats: 578_524,
-            max_texels: 8_388_608,
-            max_pairs: 1_677_721,
+            max_texels: 1 << 30,
+            max_pairs: 1_000_000,
         };
         let doubts = |splats, pixels| {
             DeviceEstimate::new(&workload(splats, 16 * splats, pixels), &config)
@@ -235,7 +235,7 @@ mod tests {
         let grows = doubts(250_000, 1600 * 1200).unwrap();
         for part in [
             "small may not hold",
-            "tile-splat pairs as it grows, at most 1,677,721 fit",
+            "tile-splat pairs as it grows, at most 1,000,000 fit",
             "--max-resolution ",
             "--budget-params ",
         ] {
@@ -250,8 +250,7 @@ mod tests {
             assert!(large.contains(part), "{part}: {large}");
         }
         // Negative control: larger buffers.
-        let plenty =
-            DeviceLimits { max_pairs: 26_000_000, max_splats: 9_000_000, max_texels: 1 << 30, ..limits };
+        let plenty = DeviceLimits { max_pairs: 26_000_000, max_splats: 9_000_000, ..limits };
         let estimate = DeviceEstimate::new(&workload(2_000_000, 32_000_000, 1600 * 1200), &config);
         assert_eq!(estimate.doubts("large", &plenty, 1600), None);
         assert!(estimate.describe("large").contains("GiB"), "{}", estimate.describe("large"));

@@ -26,7 +26,7 @@ pub const SMALLER_IMAGES: &str = "images-reduced-for-device";
 pub struct DeviceBound {
     /// Bound of the model, besides the user's; no bound before the device was outgrown.
     pub budget: Budget,
-    /// Step after which growth ended; 0: it has not.
+    /// Step after which growth ended, 1 if it was the start; 0: it has not.
     pub ended_step: u32,
     /// Smallest render scale; 1 unless a step did not fit.
     pub least_scale: f64,
@@ -75,7 +75,7 @@ impl DeviceBound {
         };
         self.budget = self.budget.and(&present);
         let is_first = self.ended_step == 0;
-        self.ended_step = if is_first { step } else { self.ended_step };
+        self.ended_step = if is_first { step.max(1) } else { self.ended_step };
         is_first
     }
 
@@ -151,6 +151,8 @@ mod tests {
         assert!(!bound.end_growth(SizeFigures { splats: 12, texels: 20, params: 350 }, 9));
         let expected = Budget { max_splats: Some(10), max_texels: Some(20), max_params: Some(300) };
         assert_eq!((bound.budget, bound.ended_step), (expected, 7));
+        let mut at_start = DeviceBound::default();
+        assert!(at_start.end_growth(size, 0) && at_start.ended_step == 1);
     }
 
     #[test]
