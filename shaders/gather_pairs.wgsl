@@ -1,5 +1,6 @@
 // Writes the splat of each tile-splat pair in the sorted order, and to its slot the place in it, and finds the range of each
-// tile's pairs by binary search (twin: gpu/tile_list_twin.rs). raster_fwd adds the pairs' texel windows, because it reads the splats anyway.
+// tile's pairs by binary search (twin: gpu/tile_list_twin.rs). raster_fwd adds the pairs' texel windows, because it reads
+// the splats anyway.
 // Workgroup: GROUP pairs, and as many tiles. Invocation: a pair, and a tile.
 
 #constants

@@ -1,6 +1,7 @@
 // Adds to the costs of a splat's parts the squares of one probe's derivatives, and zeroes the first moments that hold them
 // (twin: `costs_of` in src/backend/costs.rs).
-// Workgroup: a visible splat; the derivatives of others are 0. Invocation: a float of its SH, and every SPLAT_GROUP-th texel of its map.
+// Workgroup: a visible splat; the derivatives of others are 0. Invocation: a float of its SH, and every SPLAT_GROUP-th texel of
+// its map.
 
 #constants
 #include common/groups

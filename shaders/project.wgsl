@@ -1,6 +1,6 @@
 // Projects every splat to the view: bounds, number of tiles, depth key and base colour (twin: reference/project.rs;
 // method 1.2, 2.2, 2.3, 2.5); lists the visible ones of each group. Flushes the SH of visible splats on the way.
-// FLAG_UNSEEN: before, splats that the step before did not see take it. FLAG_NO_VIEW: nothing else.
+// FLAG_UNSEEN: first does the previous step for splats that it did not see. FLAG_NO_VIEW: nothing else.
 // GEOMETRY: also writes normals.
 // Workgroup: GROUP splats. Invocation: a splat.
 

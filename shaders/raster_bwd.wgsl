@@ -4,9 +4,9 @@
 // channel.
 //
 // Per splat, each invocation stores the derivatives of its pixel in workgroup memory; then the invocations sum
-// them up in a fixed order, with two barriers, no atomics and no subgroups. A pair's sums go to its
-// place in `partials`, which holds those of `partial_capacity` pairs from `partial_first` on. Texel gradients are summed the same way, one block of 4 x 4 texels at a time, and added to memory
-// in fixed point: three atomics per texel and tile.
+// them up in a fixed order, with two barriers, no atomics and no subgroups. A pair's sums go to its place in `partials`, which
+// holds those of `partial_capacity` pairs from `partial_first` on. Texel gradients are summed the same way, one block of
+// 4 x 4 texels at a time, and added to memory in fixed point: three atomics per texel and tile.
 //
 // Software drivers execute both sides of every branch, and pay at each barrier for every value that lives across it.
 // Hence two barriers per splat, little code, and select() instead of branches: an earlier form with more of both took

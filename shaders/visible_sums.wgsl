@@ -1,6 +1,6 @@
 // Place of each group's visible splats in the list of all, the total numbers of visible splats and of pairs, and the
 // workgroup counts of every later dispatch of the step (no twin; tested in gpu/tile_list_tests.rs). If the pairs exceed the
-// capacity, all counts become zero, so that nothing further in the submission is applied; but the step's flush ends.
+// capacity, all counts become zero, so that nothing further in the submission is applied; but the step's flush is completed.
 // One workgroup, dispatched directly: a dispatch must not read its size from a table that it writes. Invocation:
 // LANE_ELEMENTS neighbouring groups at a time.
 
