@@ -60,8 +60,7 @@ fn sort_scatter(
         if at < past {
             for (var word = 0u; word < WORDS; word += 1u) {
                 let lanes = atomicLoad(&masks[digit * WORDS + word]);
-                let lower = select(select(0u, (1u << (lane % 32u)) - 1u, word == own), 0xffffffffu, word < own);
-                before += countOneBits(lanes & lower);
+                before += countOneBits(lanes & lanes_before(word, lane));
                 total += countOneBits(lanes);
             }
             move_key(at, key, next[digit] + before, num_blocks);

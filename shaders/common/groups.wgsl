@@ -1,4 +1,4 @@
-// Dispatches of more workgroups than one dimension allows.
+// Dispatches of more workgroups than one dimension allows, and masks with a bit for each lane of a workgroup.
 
 // Workgroup counts along x and y for a dispatch of `groups` workgroups, folded to two dimensions if one is too
 // few (twin: `folded_groups` in gpu/sort.rs). The fold is balanced: fewer workgroups are superfluous than there
@@ -16,4 +16,10 @@ fn group_index(id: vec3u, groups: vec3u) -> u32 {
 // Blocks of BLOCK elements that hold `count`; cannot overflow.
 fn blocks_of(count: u32) -> u32 {
     return count / BLOCK + u32(count % BLOCK != 0u);
+}
+
+// The lanes before `lane` in a word of such a mask.
+fn lanes_before(word: u32, lane: u32) -> u32 {
+    let own = lane / 32u;
+    return select(select(0u, (1u << (lane % 32u)) - 1u, word == own), 0xffffffffu, word < own);
 }

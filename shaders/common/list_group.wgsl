@@ -19,10 +19,8 @@ fn clear_list(lane: u32) {
 
 // Called by all lanes; invisible splats touch no tile.
 fn list_splat(group: u32, lane: u32, num_tiles: u32) {
-    let word = lane / 32u;
-    let bit = 1u << (lane % 32u);
     if num_tiles > 0u {
-        atomicOr(&listed[word], bit);
+        atomicOr(&listed[lane / 32u], 1u << (lane % 32u));
         atomicAdd(&tile_halves[0], num_tiles & 0xffffu);
         atomicAdd(&tile_halves[1], num_tiles >> 16u);
     }
@@ -34,8 +32,7 @@ fn list_splat(group: u32, lane: u32, num_tiles: u32) {
     var total = 0u;
     for (var k = 0u; k < GROUP / 32u; k += 1u) {
         let lanes = atomicLoad(&listed[k]);
-        let earlier = select(select(0u, bit - 1u, k == word), 0xffffffffu, k < word);
-        before += countOneBits(lanes & earlier);
+        before += countOneBits(lanes & lanes_before(k, lane));
         total += countOneBits(lanes);
     }
     if num_tiles > 0u {

@@ -70,16 +70,22 @@ pub(crate) struct ImageStore {
     threads: Mutex<Vec<JoinHandle<()>>>,
 }
 
-/// Clears the mark of a decode even if it panics, so that no thread waits for it forever.
+/// Ends a decode even if it panics, so that no thread waits for it or for its room forever.
 struct InFlight<'a> {
     shared: &'a Shared,
     view: usize,
+    /// Room in the window that is held for it.
+    held_bytes: u64,
 }
 
 impl Drop for InFlight<'_> {
     fn drop(&mut self) {
-        self.shared.lock().in_flight.remove(&self.view);
+        let mut state = self.shared.lock();
+        state.in_flight.remove(&self.view);
+        state.waiting_bytes -= self.held_bytes;
+        drop(state);
         self.shared.decoded.notify_all();
+        self.shared.work.notify_all();
     }
 }
 
@@ -215,13 +221,10 @@ impl Shared {
 
     fn run_ahead(&self) {
         while let Some(view) = self.next_ahead() {
-            let _mark = InFlight { shared: self, view };
+            let _mark = InFlight { shared: self, view, held_bytes: self.waiting_bytes(view) };
             // An error comes up again when the view is requested.
-            let image = self.decode(view);
-            let mut state = self.lock();
-            state.waiting_bytes -= self.waiting_bytes(view);
-            if let Ok(image) = image {
-                state.insert(view, &image, true, &self.shares);
+            if let Ok(image) = self.decode(view) {
+                self.lock().insert(view, &image, true, &self.shares);
             }
         }
     }
@@ -280,7 +283,7 @@ impl ImageStore {
             state = shared.decoded.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
         drop(state);
-        let _mark = InFlight { shared, view };
+        let _mark = InFlight { shared, view, held_bytes: 0 };
         let image = shared.decode(view)?;
         shared.lock().insert(view, &image, false, &shared.shares);
         Ok(image)

@@ -5,7 +5,7 @@ use super::device::GpuDevice;
 use super::layout::MAX_SIDE_PX;
 use super::layout::{BOUNDS_BYTES, PAIR_SUMS_GEOMETRY, PROJECTED_BYTES};
 use super::model_buffers::{MOST_SPLAT_FLOATS, splat_floats};
-use super::view_buffers::PAIR_BYTES;
+use super::view_buffers::PAIR_RECORD_BYTES;
 use crate::backend::{DeviceLimits, SceneShape};
 
 /// Bytes and floats per texel of the largest texel buffer, the activated texels.
@@ -19,7 +19,7 @@ const GEOMETRY_PIXEL_BYTES: u64 = 48;
 
 /// Largest number of pairs that fit into buffers of `buffer_bytes`. Their partial sums need not fit at once.
 pub(super) fn max_pairs(buffer_bytes: u64) -> u64 {
-    buffer_bytes / 16 * 16 / PAIR_BYTES
+    buffer_bytes / 16 * 16 / PAIR_RECORD_BYTES
 }
 
 /// Limits of a device whose storage buffers may have `buffer_bytes`.

@@ -17,7 +17,7 @@ use crate::camera::Similarity;
 use crate::model::{AdamState, Filter, LearningRates, Model, SplatArrays, TexturePool};
 use std::collections::BTreeMap;
 
-/// Options of a [`GpuBackend`]. Only `hardware_kernels` changes results, in their last bits.
+/// Options of a [`GpuBackend`]. Only `hardware_kernels` changes the results of a step, in their last bits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct GpuOptions {
     /// Steps per submission, at most 16; 1 reads the status after each. `None`: as many as the device completes in

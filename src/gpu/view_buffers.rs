@@ -11,9 +11,9 @@ use crate::Result;
 use std::collections::BTreeMap;
 
 /// Bytes of a pair in the largest buffer that must hold all pairs at once (`shaders/common/projected.wgsl`).
-pub(super) const PAIR_BYTES: u64 = 12;
+pub(super) const PAIR_RECORD_BYTES: u64 = 12;
 /// Most parts of a buffer's size that the partial sums of all pairs take; one more for rounding.
-pub(super) const MOST_ROUNDS: usize = (4 * PAIR_SUMS_GEOMETRY as u64 / PAIR_BYTES) as usize + 1;
+pub(super) const MOST_ROUNDS: usize = (4 * PAIR_SUMS_GEOMETRY as u64 / PAIR_RECORD_BYTES) as usize + 1;
 
 /// Current capacity of the buffers.
 #[derive(Clone, Debug, Default)]
@@ -78,7 +78,7 @@ impl Capacity {
             (true, Buf::HistogramB, "sort histograms", histogram, 4),
             (true, Buf::GroupLists, "lists of visible splats", group_list_entries(splats), 4),
             (true, Buf::Slots, "tile-splat pairs", pairs, 4),
-            (true, Buf::Pairs, "tile-splat pairs", pairs, PAIR_BYTES),
+            (true, Buf::Pairs, "tile-splat pairs", pairs, PAIR_RECORD_BYTES),
             (true, Buf::SlotOffsets, "prefix sums", splats, 4),
             (true, Buf::BlockSums, "prefix sums", splats.div_ceil(u64::from(BLOCK)), 4),
             (training, Buf::Partials, "partial sums of tile-splat pairs", partials, partial_bytes),

@@ -183,24 +183,11 @@ impl DeviceEstimate {
 
 #[cfg(test)]
 mod tests {
+    use super::super::resource_estimate::FOX;
     use super::*;
 
     fn workload(splats: u64, texels: u64, pixels_max: u64) -> Workload {
-        Workload {
-            splats,
-            texels,
-            splat_params: 58,
-            pixels_max,
-            pixels_mean: pixels_max as f64,
-            train_views: 43,
-            test_views: 7,
-            cache_limit_bytes: 4 << 30,
-            decoding_bytes: 16 << 20,
-            is_pruned: false,
-            is_scheduled: true,
-            threads: 2,
-            wall_secs: None,
-        }
+        Workload { splats, texels, pixels_max, pixels_mean: pixels_max as f64, ..FOX }
     }
 
     #[test]

@@ -294,25 +294,27 @@ impl Resources {
     }
 }
 
+/// The initial model of a small capture, for tests.
+#[cfg(test)]
+pub(super) const FOX: Workload = Workload {
+    splats: 14_686,
+    texels: 16 * 14_686,
+    splat_params: 58,
+    pixels_max: 270 * 480,
+    pixels_mean: 270.0 * 480.0,
+    train_views: 43,
+    test_views: 7,
+    cache_limit_bytes: 4 << 30,
+    decoding_bytes: 16 << 20,
+    is_pruned: false,
+    is_scheduled: true,
+    threads: 2,
+    wall_secs: Some(20.0),
+};
+
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    const FOX: Workload = Workload {
-        splats: 14_686,
-        texels: 16 * 14_686,
-        splat_params: 58,
-        pixels_max: 270 * 480,
-        pixels_mean: 270.0 * 480.0,
-        train_views: 43,
-        test_views: 7,
-        cache_limit_bytes: 4 << 30,
-        decoding_bytes: 16 << 20,
-        is_pruned: false,
-        is_scheduled: true,
-        threads: 2,
-        wall_secs: Some(20.0),
-    };
 
     #[test]
     fn a_scene_beyond_the_machines_memory_is_refused_with_figures() {

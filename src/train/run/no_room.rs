@@ -19,7 +19,8 @@ impl Trainer<'_> {
     /// Plans a batch and does its steps, on smaller images where the first does not fit. Returns those that were done, with their
     /// reports.
     pub(super) fn fitting_batch(&mut self) -> Result<(Vec<PlannedStep>, Vec<StepReport>)> {
-        let before = (self.state.device, self.state.view_losses.clone());
+        // What smaller images replace.
+        let mut before = None;
         loop {
             let mut batch = self.plan_batch()?;
             let requests: Vec<StepRequest<'_>> = batch.iter().map(|planned| self.request(planned)).collect();
@@ -30,13 +31,16 @@ impl Trainer<'_> {
                     batch.truncate(reports.len());
                     return Ok((batch, reports));
                 }
-                Err(Error::DeviceFull(what)) if self.can_reduce_images() => self.reduce_images(&what),
+                Err(Error::DeviceFull(what)) if self.can_reduce_images() => {
+                    before.get_or_insert_with(|| (self.state.device, self.state.view_losses.clone()));
+                    self.reduce_images(&what);
+                }
                 outcome => {
-                    if matches!(outcome, Err(Error::DeviceFull(_))) {
+                    if let (Err(Error::DeviceFull(_)), Some((device, losses))) = (&outcome, before) {
                         // No size fits: a device with more room goes on from here as if this had not happened.
-                        self.state.device = before.0;
+                        self.state.device = device;
                         self.begin_stage(self.state.stage_step);
-                        self.state.view_losses = before.1;
+                        self.state.view_losses = losses;
                     }
                     // A checkpoint saved now must include the steps done before the backend failed. What they showed of
                     // the exposures is lost: their views keep their maps for another epoch.
