@@ -67,7 +67,8 @@ fn visible_sums(@builtin(local_invocation_index) lane: u32) {
     set_groups(GROUPS_EACH_VISIBLE, num_visible);
     set_groups(GROUPS_VISIBLE, invocations(num_visible));
     set_groups(GROUPS_VISIBLE_BLOCKS, blocks_of(num_visible));
-    set_groups(GROUPS_DIGITS, DIGITS);
+    set_groups(GROUPS_VISIBLE_DIGITS, scan_groups(num_visible));
+    set_groups(GROUPS_PAIR_DIGITS, scan_groups(pairs));
     set_groups(GROUPS_TILES, num_tiles);
     set_groups(GROUPS_LOSS_TILES, num_loss_tiles());
     set_groups(GROUPS_PAIRS_AND_TILES, invocations(max(pairs, num_tiles)));

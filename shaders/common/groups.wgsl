@@ -23,3 +23,8 @@ fn lanes_before(word: u32, lane: u32) -> u32 {
     let own = lane / 32u;
     return select(select(0u, (1u << (lane % 32u)) - 1u, word == own), 0xffffffffu, word < own);
 }
+
+// Workgroups of `sort_scan`: one for all digits of a few keys, else one for each (twin: `scan_groups` in gpu/sort.rs).
+fn scan_groups(keys: u32) -> u32 {
+    return select(1u, DIGITS, blocks_of(keys) > LANE_BLOCKS);
+}

@@ -120,8 +120,10 @@ pub enum Groups {
     Visible,
     /// One workgroup per block of [`super::shader::BLOCK`] visible splats.
     VisibleBlocks,
-    /// One workgroup per digit of the sort.
-    Digits,
+    /// Those of `sort_scan` for the keys of visible splats ([`super::sort::scan_groups`]).
+    VisibleDigits,
+    /// The same for the keys of pairs.
+    PairDigits,
     /// One workgroup per tile of the rasterisation.
     Tiles,
     /// One workgroup per tile of the loss.
@@ -298,7 +300,7 @@ kernels! {
         read status = Status, read group_lists = GroupLists, read bounds = Bounds, write keys_out = KeysA,
         write values_out = ValuesA, write histogram = HistogramA, write visible = Visible,
     ] => { ListVisible [] }
-    "sort_scan", Digits, [
+    "sort_scan", VisibleDigits, [
         read status = Status, write histogram = HistogramA, write next_histogram = HistogramB,
     ] => { SortScan [] }
     "sort_scatter", VisibleBlocks, [

@@ -13,7 +13,7 @@ use super::encode::Dispatch;
 use super::kernels::{Groups, KernelId, NUM_GROUPS};
 use super::layout::{DispatchArgs, SortPass};
 use super::resources::UniformOffsets;
-use super::shader::{BLOCK, DEPTH_KEY_BITS, DIGIT_BITS, GROUP, MAX_GROUPS};
+use super::shader::{BLOCK, DEPTH_KEY_BITS, DIGIT_BITS, GROUP, LANE_BLOCKS, MAX_GROUPS};
 
 /// Passes of the sort by depth. Even, so that the result is in `KeysA` and `ValuesA`.
 pub(super) const DEPTH_PASSES: u32 = DEPTH_KEY_BITS.div_ceil(DIGIT_BITS);
@@ -71,6 +71,11 @@ pub(super) fn folded_groups(groups: u32) -> DispatchArgs {
     DispatchArgs { x: groups.div_ceil(rows), y: rows, z: 1 }
 }
 
+/// Workgroups of `sort_scan` (twin: `common/groups.wgsl`).
+pub(super) fn scan_groups(keys: u32) -> u32 {
+    if keys.div_ceil(BLOCK) > LANE_BLOCKS { 1 << DIGIT_BITS } else { 1 }
+}
+
 /// The table of indirect dispatches at the start of a submission: all counts that depend on the view are zero.
 pub(super) fn first_args(num_splats: u32) -> Vec<DispatchArgs> {
     let mut args = vec![DispatchArgs::default(); NUM_GROUPS as usize];
@@ -84,7 +89,7 @@ pub(super) fn first_args(num_splats: u32) -> Vec<DispatchArgs> {
 pub(super) fn sort_args(keys: u32) -> Vec<DispatchArgs> {
     let mut args = first_args(keys);
     args[Groups::VisibleBlocks as usize] = folded_groups(keys.div_ceil(BLOCK));
-    args[Groups::Digits as usize] = folded_groups(1 << DIGIT_BITS);
+    args[Groups::VisibleDigits as usize] = folded_groups(scan_groups(keys));
     args
 }
 
@@ -95,7 +100,7 @@ pub(super) fn visible_list(step: UniformOffsets) -> Vec<Dispatch> {
 
 /// Sorts the visible splats by depth key, then index; the order ends up in `ValuesA`.
 pub(super) fn depth_sort(step: UniformOffsets) -> Vec<Dispatch> {
-    (0..DEPTH_PASSES).flat_map(|i| pass(step, i, i, Groups::VisibleBlocks)).collect()
+    (0..DEPTH_PASSES).flat_map(|i| pass(step, i, i, [Groups::VisibleDigits, Groups::VisibleBlocks])).collect()
 }
 
 /// Computes the slots of the pairs, and their tiles in `KeysA`.
@@ -111,7 +116,7 @@ pub(super) fn tile_lists(step: UniformOffsets, num_tiles: u32) -> Vec<Dispatch> 
     let passes = num_tile_passes(num_tiles);
     let entry = |i| DEPTH_PASSES + i + if i + 1 == passes { MAX_TILE_PASSES } else { 0 };
     let mut out: Vec<Dispatch> =
-        (0..passes).flat_map(|i| pass(step, i, entry(i), Groups::PairBlocks)).collect();
+        (0..passes).flat_map(|i| pass(step, i, entry(i), [Groups::PairDigits, Groups::PairBlocks])).collect();
     // The table of kernels binds KeysB and ValuesB, where an odd number of passes ends.
     let swapped = passes.is_multiple_of(2);
     out.push(Dispatch { swapped, ..Dispatch::new(KernelId::GatherPairs, step) });
@@ -123,10 +128,10 @@ pub(super) fn order_and_bin(step: UniformOffsets, num_tiles: u32) -> Vec<Dispatc
     [depth_sort(step), pair_slots(step), tile_lists(step, num_tiles)].concat()
 }
 
-/// Pass `index` of a sort, with entry `entry` of the table of sort passes.
-fn pass(step: UniformOffsets, index: u32, entry: u32, blocks: Groups) -> [Dispatch; 2] {
+/// Pass `index` of a sort, with entry `entry` of the table of sort passes and the workgroups of both kernels.
+fn pass(step: UniformOffsets, index: u32, entry: u32, [scan, scatter]: [Groups; 2]) -> [Dispatch; 2] {
     let offsets = UniformOffsets { sort_pass: entry * UNIFORM_STRIDE as u32, ..step };
-    [(KernelId::SortScan, Groups::Digits), (KernelId::SortScatter, blocks)].map(|(kernel, groups)| Dispatch {
+    [(KernelId::SortScan, scan), (KernelId::SortScatter, scatter)].map(|(kernel, groups)| Dispatch {
         kernel,
         groups,
         swapped: index % 2 == 1,

@@ -74,7 +74,7 @@ fn sorted_indices(keys: &[u32]) -> Vec<u32> {
 fn the_order_is_that_of_a_stable_sort_in_rust() {
     for mut harness in open_all(&SORT) {
         let mut rng = Pcg32::seed_from_u64(1);
-        for (count, distinct) in [0, 1, 255, 256, 1023, 1024, 1025, 5000, 70_000, 1_060_000]
+        for (count, distinct) in [0, 1, 255, 256, 1023, 1024, 1025, 5000, 16_384, 16_385, 70_000, 1_060_000]
             .into_iter()
             .flat_map(|count| [(count, 1), (count, 40), (count, 1 << 28)])
         {
