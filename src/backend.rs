@@ -5,6 +5,7 @@ mod comparison;
 mod costs;
 mod exposure;
 mod limits;
+mod pair_count;
 mod plan;
 mod probe;
 
@@ -16,6 +17,7 @@ use crate::{Error, Result};
 pub use costs::{AXES, Costs, Derivatives, costs_of, depths};
 pub use exposure::{ColourMap, ColourSums, NUM_COLOUR_SUMS};
 pub use limits::{DeviceLimits, SceneShape};
+pub use pair_count::{pairs_of, reach_of, splats_of};
 pub use plan::{DensityPlan, Grid, MapChange, SplatEdit};
 pub use probe::{BETWEEN, Probe, probe_scale, probed};
 use serde::{Deserialize, Serialize};

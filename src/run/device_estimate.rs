@@ -2,7 +2,7 @@
 //! no reason to refuse the run, which stops growing where the device has no more room.
 
 use super::resource_estimate::Workload;
-use crate::backend::{DeviceLimits, SceneShape};
+use crate::backend::{DeviceLimits, SceneShape, pairs_of, reach_of, splats_of};
 use crate::text::{format_bytes, format_count};
 use crate::train::TrainConfig;
 
@@ -47,22 +47,14 @@ pub struct DeviceNeed {
     pub total_bytes: u64,
 }
 
-/// Pairs of a view that shows all splats: each lies in the tile of its centre and reaches into others.
-fn pairs(splats: u64, pixels: u64) -> u64 {
-    let tiles = pixels as f64 / TILE_PX.powi(2);
-    ((splats as f64).sqrt() + (LAYERS * tiles).sqrt()).powi(2) as u64
+/// Reach of the splats of a view.
+fn reach(pixels: u64) -> f64 {
+    (LAYERS * pixels as f64).sqrt() / TILE_PX
 }
 
-/// The number of splats at which a view needs this number of pairs.
-fn splats_of(pairs: u64, pixels: u64) -> u64 {
-    let tiles = pixels as f64 / TILE_PX.powi(2);
-    ((pairs as f64).sqrt() - (LAYERS * tiles).sqrt()).max(0.0).powi(2) as u64
-}
-
-/// The number of pixels at which it does.
-fn pixels_of(pairs: u64, splats: u64) -> u64 {
-    let side = ((pairs as f64).sqrt() - (splats as f64).sqrt()).max(0.0);
-    (side * side / LAYERS * TILE_PX.powi(2)) as u64
+/// The number of pixels at which splats have a reach.
+fn pixels_of(reach: f64) -> u64 {
+    ((reach * TILE_PX).powi(2) / LAYERS) as u64
 }
 
 impl DeviceNeed {
@@ -70,7 +62,8 @@ impl DeviceNeed {
     pub fn new(workload: &Workload, geometry: bool) -> Self {
         let w = workload;
         let [more_pair, more_pixel] = if geometry { GEOMETRY_BYTES } else { [0; 2] };
-        let pairs = pairs(w.splats, w.pixels_max);
+        // Of a view that shows all splats.
+        let pairs = pairs_of(w.splats as f64, reach(w.pixels_max)) as u64;
         let work_bytes = pairs * (PAIR_BYTES + more_pair)
             + w.pixels_max * (PIXEL_BYTES + more_pixel)
             + w.splats * SPLAT_BYTES
@@ -137,9 +130,9 @@ impl DeviceEstimate {
         let mut fitting = w.splats;
         if self.grown.pairs > most.max_pairs {
             let when = if self.start.pairs > most.max_pairs { "from the start" } else { "as it grows" };
-            let pixels = pixels_of(most.max_pairs, w.splats);
+            let pixels = pixels_of(reach_of(w.splats as f64, most.max_pairs as f64));
             let side = f64::from(side_px) * (pixels as f64 / w.pixels_max.max(1) as f64).sqrt();
-            fitting = fitting.min(splats_of(most.max_pairs, w.pixels_max));
+            fitting = fitting.min(splats_of(most.max_pairs as f64, reach(w.pixels_max)) as u64);
             let smaller = match side as u32 {
                 side if side >= SIDE_MIN_PX => format!(" (--max-resolution {side} fits)"),
                 _ => String::new(),
@@ -193,13 +186,11 @@ mod tests {
     #[test]
     fn pairs_are_near_the_counted_ones() {
         for (pixels, counted) in [(270 * 480, 34_069.0), (1067 * 1899, 225_000.0)] {
-            let ratio = pairs(10_000, pixels) as f64 / counted;
+            let ratio = pairs_of(1e4, reach(pixels)) / counted;
             // Needed: 0.09.
             assert!((ratio - 1.0).abs() < 0.12, "{ratio}");
         }
-        let (splats, pixels) = (3_000_000, 1600 * 1200);
-        let of = pairs(splats, pixels);
-        assert!(splats_of(of, pixels).abs_diff(splats) < 10 && pixels_of(of, splats).abs_diff(pixels) < 100);
+        assert!(pixels_of(reach(1600 * 1200)).abs_diff(1600 * 1200) < 2);
     }
 
     #[test]

@@ -3,12 +3,8 @@
 
 use super::density::{Budget, DensityCounts};
 use super::size_figures::SizeFigures;
-use crate::backend::DeviceLimits;
+use crate::backend::{DeviceLimits, RasterCounters, pairs_of, reach_of, splats_of};
 use crate::text::format_count;
-
-/// The number of pairs rises with the render scale to this power, as images come to full size. Measured: fox, the same model,
-/// 34,069 pairs at 270 x 480, about 225,000 at 1067 x 1899: 1.37.
-const PAIRS_EXPONENT: f64 = 1.4;
 
 /// Share of the device's pairs that growth may use: splats move and widen until they are counted again.
 const PAIRS_SHARE: f64 = 0.8;
@@ -32,31 +28,46 @@ pub struct DeviceBound {
     pub least_scale: f64,
     /// Most pairs of a step since the last density-control step, or since images changed their size; 0: unknown.
     pub pairs: u64,
+    /// Visible splats of that step.
+    pub visible: u64,
 }
 
 impl Default for DeviceBound {
     fn default() -> Self {
-        Self { budget: Budget::default(), ended_step: 0, least_scale: 1.0, pairs: 0 }
+        Self { budget: Budget::default(), ended_step: 0, least_scale: 1.0, pairs: 0, visible: 0 }
     }
 }
 
 impl DeviceBound {
-    /// Takes in the pairs of a step.
-    pub fn observe(&mut self, pairs: u64) {
-        self.pairs = self.pairs.max(pairs);
+    /// Takes in the work of a step.
+    pub fn observe(&mut self, work: &RasterCounters) {
+        if work.tile_pairs > self.pairs {
+            (self.pairs, self.visible) = (work.tile_pairs, work.visible_splats);
+        }
     }
 
-    /// Pairs that a step on the largest images of the run is expected to need, from those at a render scale.
-    pub fn expected_pairs(&self, render_scale: f64) -> u64 {
-        (self.pairs as f64 * (render_scale / self.least_scale).max(1.0).powf(PAIRS_EXPONENT)) as u64
+    /// Forgets the steps, as their splats or their images are others now.
+    pub fn forget(&mut self) {
+        (self.pairs, self.visible) = (0, 0);
+    }
+
+    /// Reach of the visible splats on the largest images of the run, from that at a render scale.
+    fn reach(&self, render_scale: f64) -> f64 {
+        reach_of(self.visible as f64, self.pairs as f64) * (render_scale / self.least_scale).max(1.0)
+    }
+
+    /// Pairs that a step on the largest images of the run is expected to need.
+    fn expected_pairs(&self, render_scale: f64) -> u64 {
+        pairs_of(self.visible as f64, self.reach(render_scale)).round() as u64
     }
 
     /// Splats whose pairs are expected to fit on the device.
     pub fn fitting_splats(&self, device: &DeviceLimits, splats: usize, render_scale: f64) -> usize {
-        match self.expected_pairs(render_scale) {
-            0 => usize::MAX,
-            pairs => (splats as f64 * PAIRS_SHARE * device.max_pairs as f64 / pairs as f64) as usize,
+        if self.visible == 0 {
+            return usize::MAX;
         }
+        let visible = splats_of(PAIRS_SHARE * device.max_pairs as f64, self.reach(render_scale));
+        (splats as f64 * visible / self.visible as f64) as usize
     }
 
     /// The bounds of the user and of the device, for a model of this many splats. Pairs beyond the device's remove no splats.
@@ -112,7 +123,7 @@ impl DeviceBound {
     /// Makes the images smaller from a render scale on, because a step on them does not fit.
     pub fn reduce_images(&mut self, render_scale: f64) {
         self.least_scale = render_scale * SMALLER;
-        self.pairs = 0;
+        self.forget();
     }
 }
 
@@ -133,14 +144,24 @@ mod tests {
         let none = DeviceBound::default();
         assert_eq!(none.fitting_splats(&DEVICE, 10, 1.0), usize::MAX);
         let mut bound = none;
-        bound.observe(400);
-        bound.observe(300);
-        assert_eq!(bound.fitting_splats(&DEVICE, 10, 1.0), 20);
+        let work = |visible_splats, tile_pairs| RasterCounters {
+            visible_splats,
+            tile_pairs,
+            ..RasterCounters::default()
+        };
+        bound.observe(&work(4, 100));
+        bound.observe(&work(9, 90));
+        assert_eq!((bound.visible, bound.expected_pairs(1.0)), (4, 100));
+        // 4 of 10 splats are visible and reach 8; of 800 pairs the root is 28.3.
+        assert_eq!(bound.fitting_splats(&DEVICE, 10, 1.0), 1028);
         // Images of half the size need fewer pairs than full ones.
-        assert_eq!(bound.fitting_splats(&DEVICE, 10, 2.0), 7);
+        assert_eq!((bound.expected_pairs(3.5), bound.fitting_splats(&DEVICE, 10, 3.5)), (900, 0));
         let most =
             |bound: &DeviceBound, scale| bound.within(&Budget::default(), &DEVICE, 10, scale).max_splats;
-        assert_eq!([most(&none, 1.0), most(&bound, 1.0), most(&bound, 2.0)], [Some(50), Some(20), Some(10)]);
+        assert_eq!([most(&none, 1.0), most(&bound, 1.0), most(&bound, 3.5)], [Some(50), Some(50), Some(10)]);
+        // Wider splats on full images.
+        bound.observe(&work(4, 753));
+        assert_eq!(most(&bound, 1.0), Some(20));
     }
 
     #[test]
@@ -157,7 +178,7 @@ mod tests {
 
     #[test]
     fn a_model_at_a_bound_of_the_device_says_which() {
-        let bound = DeviceBound { pairs: 900, ..DeviceBound::default() };
+        let bound = DeviceBound { pairs: 900, visible: 30, ..DeviceBound::default() };
         let size = |splats, texels| SizeFigures { splats, texels, params: 0 };
         let refused = DensityCounts { over_budget: 1, ..DensityCounts::default() };
         let reached =

@@ -89,7 +89,7 @@ impl DensityControl<'_> {
             state.window_views.clear();
             let reached = self.reached(state, now, &revised);
             revised.no_room = revised.no_room.or(reached);
-            state.device.pairs = 0;
+            state.device.forget();
         } else {
             // The splats are the same, so their window continues.
             backend.set_statistics(&statistics)?;

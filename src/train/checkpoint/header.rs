@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Identifier of the layout; a change that old programs cannot read raises the number.
-pub const FORMAT: &str = "litetex-checkpoint/15";
+pub const FORMAT: &str = "litetex-checkpoint/16";
 /// Key of the only metadata entry.
 pub(super) const METADATA_KEY: &str = "litetex";
 /// Name of the tensor that holds the CRC-32.

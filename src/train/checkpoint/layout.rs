@@ -88,11 +88,11 @@ pub fn tensors(state: &TrainState) -> BTreeMap<String, Tensor<'_>> {
     let (loss, params) = before.unwrap_or_default();
     let growth = vec![loss, params as f64, idle_windows.into(), ended_step.into()];
     put("state.growth", Tensor::new(&[4], Data::F64(growth)));
-    let DeviceBound { budget, ended_step, least_scale, pairs } = state.device;
+    let DeviceBound { budget, ended_step, least_scale, pairs, visible } = state.device;
     let [splats, texels, params] = [budget.max_splats, budget.max_texels, budget.max_params]
         .map(|most| most.map_or(-1.0, |most| most as f64));
-    let device = vec![splats, texels, params, ended_step.into(), least_scale, pairs as f64];
-    put("state.device", Tensor::new(&[6], Data::F64(device)));
+    let device = vec![splats, texels, params, ended_step.into(), least_scale, pairs as f64, visible as f64];
+    put("state.device", Tensor::new(&[7], Data::F64(device)));
     put("state.pace", Tensor::new(&[2], Data::F64(vec![state.pace.initial as f64, state.pace.momentum])));
     let exposures = &state.exposures;
     let numbers: Vec<f32> = exposures.maps.iter().flat_map(|map| map.0).flatten().collect();
@@ -210,7 +210,7 @@ fn growth(reader: &mut Reader<'_>) -> Result<Growth> {
 }
 
 fn device(reader: &mut Reader<'_>) -> Result<DeviceBound> {
-    let values = f64s(reader.take("state.device", Dtype::F64, &[6])?);
+    let values = f64s(reader.take("state.device", Dtype::F64, &[7])?);
     if !values.iter().all(|v| v.is_finite()) || values[4] < 1.0 {
         return Err(reader.invalid(format!(
             "tensor \"state.device\": found {values:?}, expected finite numbers and a render scale of at least 1"
@@ -226,6 +226,7 @@ fn device(reader: &mut Reader<'_>) -> Result<DeviceBound> {
         ended_step: values[3] as u32,
         least_scale: values[4],
         pairs: values[5] as u64,
+        visible: values[6] as u64,
     })
 }
 

@@ -1,6 +1,6 @@
 //! Checkpoints: a [`TrainState`] as one safetensors file, bit for bit and written atomically.
 //!
-//! Layout (`litetex-checkpoint/15`): one little-endian tensor per array, see `layout.rs`. The only
+//! Layout (`litetex-checkpoint/16`): one little-endian tensor per array, see `layout.rs`. The only
 //! metadata entry, `litetex`, is a JSON object with the format, the program's version and strings that belong to
 //! the caller; a single entry, because the order of several would differ from file to file. The tensor
 //! `checksum` is the CRC-32 of everything else, so that a damaged file is refused.

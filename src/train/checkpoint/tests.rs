@@ -97,6 +97,7 @@ fn sample(n: usize, sh_degree: u32) -> TrainState {
             ended_step: 5,
             least_scale: 1.25,
             pairs: 1 << 33,
+            visible: 1 << 21,
         },
         view_losses: vec![0.5, 0.0, 0.25, 0.125],
         rounded: Some(LastRounding { steps, step: 6, is_last: true, offsets }),
@@ -258,7 +259,7 @@ fn errors_name_the_tensor_what_was_found_and_what_was_expected() {
     );
     assert_eq!(
         message(edited(&bytes, "extra", Some((Dtype::U8, vec![1], vec![0])))),
-        "x.safetensors: tensor \"extra\" is not part of \"litetex-checkpoint/15\""
+        "x.safetensors: tensor \"extra\" is not part of \"litetex-checkpoint/16\""
     );
     let same_shape = Some((Dtype::F32, vec![4, 3], vec![0; 48]));
     assert!(message(edited(&bytes, "splats.positions", same_shape)).contains("checksum"));
@@ -301,6 +302,6 @@ fn other_layouts_are_unsupported_not_invalid() {
     assert_eq!(
         error.to_string(),
         "x.safetensors: layout \"litetex-checkpoint/1\" (written by litetex 9.0.0), this program reads \
-         \"litetex-checkpoint/15\""
+         \"litetex-checkpoint/16\""
     );
 }

@@ -237,7 +237,7 @@ impl Trainer<'_> {
         for (planned, report) in batch.iter().zip(&reports) {
             self.state.exposures.record(planned.view, report.colour_sums);
             self.state.view_losses[planned.view] = report.loss.total as f32;
-            self.state.device.observe(report.counters.tile_pairs);
+            self.state.device.observe(&report.counters);
         }
         self.advance(batch.len());
         let diverged = reports.iter().position(|report| !report.loss.total.is_finite());

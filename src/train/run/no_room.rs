@@ -86,7 +86,7 @@ impl Trainer<'_> {
         self.add_warning(
             GROWTH_ENDED,
             format!(
-                "step {step}: the model stops growing at {} splats, {} parameters, because the device has no room for more: {what}; \
+                "step {step}: no splats are added to the {} of the model ({} parameters), because the device has no room for more: {what}; \
                  --budget-params {} keeps within it, another --device or a lower --max-resolution may hold more",
                 format_count(size.splats as u64),
                 format_count(size.params as u64),
