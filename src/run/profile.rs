@@ -5,7 +5,7 @@ use crate::backend::LossWeights;
 use crate::frequency::ScheduleRules;
 use crate::model::Filter;
 use crate::train::density::DensityConfig;
-use crate::train::{Backdrop, Policy, Start, TrainConfig};
+use crate::train::{Backdrop, Policy, RateConfig, Start, TrainConfig};
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 
@@ -90,7 +90,7 @@ impl Profile {
             config.start = Start::Spacing;
             config.backdrop = Backdrop::None;
             config.filter = Filter::None;
-            config.rates.position_random = config.rates.position;
+            config.rates = RateConfig::published();
         }
         let paper = || DensityConfig {
             quantile: 0.85,

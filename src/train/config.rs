@@ -74,9 +74,20 @@ pub struct RateConfig {
     pub texel_growth: f32,
     /// Largest factor by which a map learns faster. Default 4 (lambda_max, there too; method 4.2).
     pub texel_growth_limit: f32,
-    /// Whether runs shorter than the published 30,000 steps use higher rates, see
-    /// [`Schedule::rates`](super::Schedule::rates). Default on (method 4.2).
-    pub raise_in_short_runs: bool,
+    /// Power of the missing length by which rates are higher in runs shorter than the published 30,000 steps, see
+    /// [`Schedule::rates`](super::Schedule::rates). Default 1 (method 4.2).
+    pub raise: f64,
+    /// Factor to which all rates fall in the last third of a run. Default 0.1 (method 4.2).
+    pub fall: f64,
+}
+
+impl RateConfig {
+    /// Rates of profiles with published constants. They rise with the root of the missing length, since the published ones are too
+    /// low for any short run.
+    pub fn published() -> Self {
+        let rates = Self { raise: 0.5, fall: 1.0, ..Self::default() };
+        Self { position_random: rates.position, ..rates }
+    }
 }
 
 impl Default for RateConfig {
@@ -93,7 +104,8 @@ impl Default for RateConfig {
             texel: 7e-4,
             texel_growth: 0.5,
             texel_growth_limit: 4.0,
-            raise_in_short_runs: true,
+            raise: 1.0,
+            fall: 0.1,
         }
     }
 }

@@ -20,6 +20,7 @@ mod order;
 mod pacing;
 mod prune;
 mod random;
+mod rates;
 mod rounding_phase;
 mod run;
 mod schedule;

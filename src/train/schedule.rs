@@ -5,13 +5,9 @@
 use super::config::{LengthChange, TrainConfig};
 use super::density::Budget;
 use super::rounding_phase::{self, RoundingPhase};
-use crate::backend::LearningRates;
 
 /// Length of the published timetable.
-const PUBLISHED_STEPS: f64 = 30_000.0;
-
-/// Largest factor by which rates rise in short runs, reached at 470 steps. Not measured.
-const HIGHEST_RAISE: f64 = 8.0;
+pub(super) const PUBLISHED_STEPS: f64 = 30_000.0;
 
 /// Last step at which splats are split and maps refined if growth ends by need (published timetable).
 const NEED_UNTIL: u32 = 22_000;
@@ -64,7 +60,7 @@ pub struct Schedule {
     /// Step from which texels are trained (published: 1,000).
     pub texture_start: u32,
     /// Step of the original timetable at which the rate of positions has decayed (published: 24,000).
-    position_end: u32,
+    pub(super) position_end: u32,
     /// Steps between density-control steps (published: 250).
     pub density_interval: u32,
     /// First step whose statistics are used; before it, maps are only fitted (published: 500).
@@ -192,7 +188,7 @@ impl Schedule {
     }
 
     /// Steps of the timetable without changes that `step` steps correspond to.
-    fn original_steps(&self, step: u32) -> f64 {
+    pub(super) fn original_steps(&self, step: u32) -> f64 {
         self.original_then + (f64::from(step) - f64::from(self.changed_at)) * self.original_per_step
     }
 
@@ -327,33 +323,6 @@ impl Schedule {
         let tested = (self.original_steps(step) - f64::from(self.sh_trial)).max(0.0);
         ((tested / f64::from(self.sh_interval)) as u32).min(highest)
     }
-
-    /// Learning rates of a step; steps count from 1.
-    ///
-    /// The published rates are made for 30,000 steps; with Adam, a run of a tenth of them cannot travel
-    /// far enough. Unless switched off, rates rise with the square root of the missing length
-    /// (log-scales and SH degree 0: with the fourth root; opacity: not; method 4.2).
-    pub fn rates(&self, config: &TrainConfig, step: u32) -> LearningRates {
-        let r = &config.rates;
-        let t = (self.original_steps(step - 1) / f64::from(self.position_end)).min(1.0);
-        let position = if config.random_start { r.position_random } else { r.position };
-        let (start, end) = (f64::from(position).ln(), f64::from(r.position_end).ln());
-        let missing = if r.raise_in_short_runs { PUBLISHED_STEPS / f64::from(config.steps) } else { 1.0 };
-        let raise = missing.max(1.0).sqrt().min(HIGHEST_RAISE);
-        let calm = self.rounding.map_or(1.0, |phase| phase.rates(step));
-        let (fast, slow) = (raise as f32 * calm, raise.sqrt() as f32 * calm);
-        LearningRates {
-            position: fast * (start + (end - start) * t).exp() as f32,
-            quaternion: fast * r.quaternion,
-            log_scale: slow * r.log_scale,
-            opacity: r.opacity * calm,
-            sh_dc: slow * r.sh_dc,
-            sh_rest: fast * r.sh_rest,
-            texel: if step >= self.texture_start { fast * r.texel } else { 0.0 },
-            texel_growth: if config.active_components().update_rule { r.texel_growth } else { 0.0 },
-            texel_growth_limit: r.texel_growth_limit,
-        }
-    }
 }
 
 #[cfg(test)]
@@ -452,17 +421,8 @@ mod tests {
             (1_000, 1_000, 250)
         );
         assert_eq!([1, 1_000, 1_001, 3_001, 9_000].map(|t| published.sh_degree(t, 3)), [0, 0, 1, 3, 3]);
-        let rates = published.rates(&config, 24_001);
-        assert!((rates.position / config.rates.position_end - 1.0).abs() < 1e-5);
-        assert_eq!(published.rates(&config, 999).texel, 0.0);
         let shorter = TrainConfig { steps: 300, ..config.clone() };
         let short = Schedule::new(&shorter, 43);
-        let raise = short.rates(&shorter, 1).position / published.rates(&config, 1).position;
-        assert!((raise - 8.0).abs() < 1e-4, "{raise}");
-        assert_eq!(short.rates(&shorter, 1).opacity, config.rates.opacity);
-        let random = TrainConfig { random_start: true, ..config.clone() };
-        let quicker = published.rates(&random, 1).position / published.rates(&config, 1).position;
-        assert!((quicker - 4.0).abs() < 1e-5, "{quicker}");
         assert_eq!((short.sh_interval, short.texture_start, short.density_interval), (10, 10, 43));
         // An epoch of few views does not bring more steps of density control; `plain` keeps its own bound.
         let none = Budget::default();
