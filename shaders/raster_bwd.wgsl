@@ -30,6 +30,8 @@
 #include common/fixed
 #include common/texel_grad
 #include common/pair_sums
+#include common/replay
+#include common/tile_pairs
 #include common/tile_sums
 
 @group(0) @binding(1) var<storage, read> projected: array<Projected>; // [n]
@@ -62,15 +64,12 @@ const TEXEL_V = 10u;
 const WEIGHT = 11u;
 const NUM_QUANTITIES = 12u;
 #if GEOMETRY
-const NUM_SUMS = PAIR_SUMS_GEOMETRY;
 const TEXEL_PARTS = 4u;
 #else
-const NUM_SUMS = PAIR_SUMS_STATISTICS;
 const TEXEL_PARTS = 8u;
 #endif
 #else
 const NUM_QUANTITIES = 11u;
-const NUM_SUMS = PAIR_SUMS;
 const TEXEL_PARTS = TILE_ROWS_PX;
 #endif
 const BLOCK_TEXELS = 4u;
@@ -87,26 +86,6 @@ const GATHERED_BLOCKS_MAX = 9u;
 var<workgroup> lanes: array<f32, NUM_QUANTITIES * RASTER_GROUP>;
 var<workgroup> texel_parts: array<f32, NUM_CHANNELS * TEXEL_PARTS>;
 var<workgroup> sum_parts: array<f32, NUM_SUMS * PARTS>;
-var<workgroup> last: atomic<u32>;
-var<workgroup> end: u32;
-var<workgroup> num_faults: atomic<u32>;
-
-// State of a pixel on its way back to front.
-struct Replay {
-    transmittance: f32,
-    // Sum of weight times the derivative with respect to weight, over the samples behind.
-    behind: f32,
-    end: u32,
-    by_rgb: vec3f,
-    // Texel gradients that were not finite or did not fit.
-    faults: u32,
-#if GEOMETRY
-    // The derivative w.r.t. a sample's weight is constant + linear m + square m^2 + towards . normal, with m the
-    // near depth over the sample's depth.
-    by_moments: vec3f,
-    towards: vec3f,
-#endif
-}
 
 fn store(quantity: u32, at: u32, value: f32) {
     lanes[quantity * RASTER_GROUP + at] = value;
@@ -115,75 +94,30 @@ fn store(quantity: u32, at: u32, value: f32) {
 // Derivatives of one pixel with respect to one splat; zeros where the splat was not blended.
 fn pixel_bwd(replay: ptr<function, Replay>, s: Projected, index: u32, pixel: vec2u, at: u32, scattered: bool) {
     let hit = splat_hit(s, vec2f(pixel) + 0.5);
-    let blended = hit.inside && index < (*replay).end && in_box(s, pixel);
-    var by_hit = vec2f(0.0);
-    var plane = vec2f(0.0);
-    var by_falloff = 0.0;
-    var by_colour = vec3f(0.0);
-    var coordinate = vec2f(-1e9);
-    var weight = 0.0;
-#if GEOMETRY
-    var by_denominator = 0.0;
-#endif
-    if blended {
-        let alpha = min(hit.raw_alpha, ALPHA_MAX);
-        let per_rest = 1.0 / (1.0 - alpha);
-        let before = (*replay).transmittance * per_rest;
-        weight = alpha * before;
+    var by = SampleGradient();
+    by.coordinate = NOWHERE;
+    if is_blended(replay, s, index, hit, pixel) {
         let taps = texture_taps(s, hit.plane);
-        var texture = Residual(vec3f(0.0), vec3f(0.0), vec3f(0.0));
-        if taps.inside {
-            texture = residual(s, taps);
-            // Otherwise it stays far from every texel.
-            coordinate = taps.coordinate;
-        }
-        let colour = max(s.rgb, vec3f(0.0)) + texture.value;
-        let by_rgb = (*replay).by_rgb;
-#if GEOMETRY
-        let m = s.near_over_depth * hit.denominator;
-        let c = (*replay).by_moments;
-        let along = dot((*replay).towards, normals[pairs[index]].xyz);
-        let by_weight = dot(by_rgb, max(colour, vec3f(0.0))) + (c.x + (c.y + c.z * m) * m + along);
-        by_denominator = weight * (c.y + 2.0 * c.z * m) * s.near_over_depth;
-#else
-        let by_weight = dot(by_rgb, max(colour, vec3f(0.0)));
-#endif
-        let by_alpha = before * by_weight - (*replay).behind * per_rest;
-        (*replay).behind += weight * by_weight;
-        (*replay).transmittance = before;
-
-        // The gradient passes where the colour is positive or descent would raise it.
-        let passes = (colour > vec3f(0.0)) | (by_rgb < vec3f(0.0));
-        by_colour = select(vec3f(0.0), by_rgb * weight, passes);
-        by_falloff = select(0.0, by_alpha * hit.falloff, hit.raw_alpha <= ALPHA_MAX);
-        plane = hit.plane;
-        let by_coordinate = vec2f(dot(by_colour, texture.by_u), dot(by_colour, texture.by_v));
-        let t = s.texels_per_coordinate;
-        let by_texture = vec2f(by_coordinate.x * t.x + by_coordinate.y * t.y, by_coordinate.y * t.z);
-        by_hit = (by_texture - by_falloff * s.opacity * plane) * hit.per_denominator;
+        by = sample_bwd(replay, s, index, hit, taps);
 #if SCATTER
         if scattered && taps.inside {
-            (*replay).faults += scatter(s, taps, by_colour);
+            (*replay).faults += scatter(s, taps, by.by_colour);
         }
 #endif
     }
-    store(U, at, by_hit.x);
-    store(V, at, by_hit.y);
-#if GEOMETRY
-    store(D, at, by_denominator - dot(by_hit, hit.plane));
-#else
-    store(D, at, -dot(by_hit, hit.plane));
-#endif
-    store(FALLOFF, at, by_falloff);
-    store(PLANE_X, at, plane.x);
-    store(PLANE_Y, at, plane.y);
-    store(RED, at, by_colour.x);
-    store(RED + 1u, at, by_colour.y);
-    store(RED + 2u, at, by_colour.z);
-    store(TEXEL_U, at, coordinate.x);
-    store(TEXEL_V, at, coordinate.y);
+    store(U, at, by.by_hit.x);
+    store(V, at, by.by_hit.y);
+    store(D, at, by.by_hit.z);
+    store(FALLOFF, at, by.by_falloff);
+    store(PLANE_X, at, by.plane.x);
+    store(PLANE_Y, at, by.plane.y);
+    store(RED, at, by.by_colour.x);
+    store(RED + 1u, at, by.by_colour.y);
+    store(RED + 2u, at, by.by_colour.z);
+    store(TEXEL_U, at, by.coordinate.x);
+    store(TEXEL_V, at, by.coordinate.y);
 #if STATISTICS
-    store(WEIGHT, at, weight);
+    store(WEIGHT, at, by.weight);
 #endif
 }
 
@@ -198,52 +132,17 @@ fn raster_bwd(
         return;
     }
     let range = tile_ranges[tile];
-    // The pairs whose sums there is room for. If they are the tile's last ones, those before are left out; otherwise those behind
-    // only pass on the state of the pixels.
-    let first_pair = max(range.x, step.partial_first);
-    let past_pair = min(range.y, step.partial_first + step.partial_capacity);
+    let summed_range = summed_pairs(range);
+    let first_pair = summed_range.x;
+    let past_pair = summed_range.y;
     if first_pair >= past_pair {
         return;
     }
     let origin_px = tile_origin_px(tile);
     let pixel_at = pixel_in_tile(lane);
     let pixel = origin_px + pixel_at;
-#if GEOMETRY
-    var replay = Replay(1.0, 0.0, range.x, vec3f(0.0), 0u, vec3f(0.0), vec3f(0.0));
-#else
-    var replay = Replay(1.0, 0.0, range.x, vec3f(0.0), 0u);
-#endif
-    if all(pixel < step.size_px) {
-        let at = pixel.y * step.size_px.x + pixel.x;
-#if GEOMETRY
-        let by_rgb = pixel_records[3u * at].xyz;
-        let c = pixel_records[3u * at + 1u];
-        let towards = pixel_records[3u * at + 2u];
-        let behind = dot(by_rgb, step.background) * c.w;
-        replay = Replay(c.w, behind, range.x + u32(towards.w), by_rgb, 0u, c.xyz, towards.xyz);
-#else
-        let state = pixel_state[at];
-        let t = bitcast<f32>(state.x);
-        let by_rgb = pixel_grad[at].xyz;
-        replay = Replay(t, dot(by_rgb, step.background) * t, state.y, by_rgb, 0u);
-#endif
-    }
-    if lane == 0u {
-        atomicStore(&last, range.x);
-        atomicStore(&num_faults, 0u);
-    }
-    workgroupBarrier();
-    atomicMax(&last, replay.end);
-    workgroupBarrier();
-    if lane == 0u {
-        end = atomicLoad(&last);
-    }
-    let used = workgroupUniformLoad(&end);
-    // Pairs behind the last blended one have zero sums.
-    let idle = max(used, first_pair) - step.partial_first;
-    for (var k = idle * NUM_SUMS + lane; k < (past_pair - step.partial_first) * NUM_SUMS; k += RASTER_GROUP) {
-        partials[k] = 0.0;
-    }
+    var replay = replay_at(pixel, range.x);
+    let used = used_pairs(summed_range, range.x, replay.end, lane);
     let at = pixel_at.x * PARTS + pixel_at.y;
     let row = lane % PARTS;
     let quantity = lane / PARTS;
@@ -320,11 +219,5 @@ fn raster_bwd(
             i -= 1u;
         }
     }
-    atomicAdd(&num_faults, replay.faults);
-    storageBarrier();
-    workgroupBarrier();
-    // The host needs only the total: the first of these pairs carries it.
-    if lane == 0u {
-        partials[(first_pair - step.partial_first) * NUM_SUMS + SUM_FAULTS] = f32(atomicLoad(&num_faults));
-    }
+    store_faults(first_pair, replay.faults, lane);
 }

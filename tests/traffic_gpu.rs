@@ -54,7 +54,8 @@ fn counted(
         accumulate_statistics: false,
         exposure: None,
     };
-    let c = count(backend, &scene.model, steps, hardware_kernels, &request).unwrap().unwrap();
+    let variant = GpuOptions { hardware_kernels: Some(hardware_kernels), ..GpuOptions::default() };
+    let c = count(backend, &scene.model, steps, variant, &request).unwrap().unwrap();
     println!("hardware kernels: {hardware_kernels}, {:?}, {:?}", c.pairs, c.texel_atomics);
     c.traffic.items.iter().for_each(|share| println!("  {share:?}"));
     c

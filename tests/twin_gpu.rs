@@ -75,6 +75,50 @@ fn the_kernels_for_hardware_match_the_reference() {
     }
 }
 
+/// Numbers of lanes that the backward pass can sum over by subgroups on this device: all, and half of them. Prints that
+/// there are none.
+fn sum_lanes(backend: &GpuBackend) -> Vec<u32> {
+    let lanes = backend.gpu().subgroup_lanes();
+    let out: Vec<u32> = [lanes, lanes / 2].into_iter().filter(|lanes| (4..=32).contains(lanes)).collect();
+    println!("subgroups of {lanes} lanes, sums over {out:?}");
+    out
+}
+
+#[test]
+fn sums_by_subgroups_match_the_reference_and_repeat() {
+    let cases = [3, 0].map(|at| {
+        let scene = random_scene(&SceneOptions { num_splats: 600, ..scenes().swap_remove(at) });
+        let expected = reference(&scene, &NO_GEOMETRY);
+        (scene, expected)
+    });
+    let mut num_compared = 0;
+    for mut backend in backends(variant(true)) {
+        let mut others = vec![cases.each_ref().map(|(scene, _)| observe(&mut backend, scene, &NO_GEOMETRY))];
+        for lanes in sum_lanes(&backend) {
+            for hardware in [true, false] {
+                backend.set_options(GpuOptions { sum_lanes: Some(lanes), ..variant(hardware) }).unwrap();
+                let got = cases.each_ref().map(|(scene, _)| observe(&mut backend, scene, &NO_GEOMETRY));
+                for (at, (scene, expected)) in cases.iter().enumerate() {
+                    println!("{lanes} lanes, hardware: {hardware}");
+                    assert!(agree(scene, &got[at], expected, TEXEL_RMS));
+                    assert_eq!(got[at].image, others[0][at].image);
+                    let differ = others.iter().all(|other| got[at].splats != other[at].splats);
+                    assert!(differ, "sums of different order differ in their last bits");
+                }
+                assert!(observe(&mut backend, &cases[0].0, &NO_GEOMETRY) == got[0], "the bytes repeat");
+                others.push(got);
+                num_compared += 1;
+            }
+        }
+        let mut moved = random_scene(&SceneOptions { num_splats: 600, ..scenes().swap_remove(3) });
+        moved.model.splats.opacity_logits.iter_mut().for_each(|logit| *logit += 0.01);
+        let got = observe(&mut backend, &moved, &NO_GEOMETRY);
+        assert!(!agree(&cases[0].0, &got, &cases[0].1, TEXEL_RMS));
+    }
+    let required = std::env::var_os("LITETEX_REQUIRE_GPU").is_some_and(|n| n != "0");
+    assert!(num_compared > 0 || !required, "no driver has subgroups of one size");
+}
+
 #[test]
 fn a_small_change_of_the_scene_is_detected() {
     for mut backend in backends(GpuOptions::default()) {
@@ -99,23 +143,32 @@ fn surfaces() -> [RandomScene; 2] {
 
 #[test]
 fn terms_on_depths_and_normals_match_the_reference() {
-    terms_match(false, &LossWeights { distortion: 0.0, ..WEIGHTS });
+    terms_match(|_| variant(false), &LossWeights { distortion: 0.0, ..WEIGHTS });
 }
 
 #[test]
 fn terms_on_depths_and_normals_match_the_reference_with_the_kernels_for_hardware() {
-    terms_match(true, &LossWeights { normal: 0.0, ..WEIGHTS });
+    terms_match(|_| variant(true), &LossWeights { normal: 0.0, ..WEIGHTS });
+}
+
+#[test]
+fn terms_on_depths_and_normals_match_the_reference_with_sums_by_subgroups() {
+    let by_subgroups =
+        |backend: &GpuBackend| GpuOptions { sum_lanes: sum_lanes(backend).pop(), ..variant(true) };
+    terms_match(by_subgroups, &LossWeights { normal: 0.0, ..WEIGHTS });
 }
 
 /// Compares on every driver; the negative control on the first is a step with the weights `without`, which omit
 /// a term.
-fn terms_match(hardware: bool, without: &LossWeights) {
+fn terms_match(options: impl Fn(&GpuBackend) -> GpuOptions, without: &LossWeights) {
     let cases = surfaces().map(|scene| {
         let expected = reference(&scene, &WEIGHTS);
         assert!(expected.loss.distortion > 0.0 && expected.loss.normal > 0.0);
         (scene, expected)
     });
-    for (at, mut backend) in backends(variant(hardware)).enumerate() {
+    for (at, mut backend) in backends(variant(false)).enumerate() {
+        let options = options(&backend);
+        backend.set_options(options).unwrap();
         for (scene, expected) in &cases {
             let got = observe(&mut backend, scene, &WEIGHTS);
             assert!(agree(scene, &got, expected, TEXEL_RMS));

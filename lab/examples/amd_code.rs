@@ -62,7 +62,7 @@ fn main() -> Result<()> {
 }
 
 fn all_kernels() -> Result<Vec<Kernel>> {
-    let shaders = litetex_gs::gpu::web_shaders()?;
+    let shaders = litetex_gs::gpu::all_shaders()?;
     // Hardware gets tiles of the full height.
     let of_hardware = shaders.into_iter().filter(|shader| !shader.name.contains("HALF_TILES"));
     Ok(of_hardware
@@ -85,7 +85,7 @@ fn of_file(file: &str) -> Result<Kernel> {
 fn compiled(kernel: &Kernel, index: BoundsCheckPolicy) -> Result<Vec<u32>> {
     let module = naga::front::wgsl::parse_str(&kernel.text).map_err(|e| e.emit_to_string(&kernel.text))?;
     let flags = naga::valid::ValidationFlags::all();
-    let info = naga::valid::Validator::new(flags, naga::valid::Capabilities::empty())
+    let info = naga::valid::Validator::new(flags, naga::valid::Capabilities::SUBGROUP)
         .validate(&module)
         .map_err(|e| e.emit_to_string(&kernel.text))?;
     let unchecked = BoundsCheckPolicy::Unchecked;

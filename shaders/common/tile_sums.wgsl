@@ -43,11 +43,7 @@ fn statistics_row(row: u32, columns: vec2u, origin_px: vec2u) {
         let at = column * PARTS + row;
         let weight = lanes[WEIGHT * RASTER_GROUP + at];
         // In bounds: the box lies within the image.
-#if GEOMETRY
-        let loss = pixel_records[3u * ((origin_px.y + row) * step.size_px.x + origin_px.x + column)].w;
-#else
-        let loss = pixel_grad[(origin_px.y + row) * step.size_px.x + origin_px.x + column].w;
-#endif
+        let loss = pixel_loss(origin_px + vec2u(column, row));
         total += vec3f(f32(weight > 0.0), weight, weight * loss);
     }
     for (var k = 0u; k < 3u; k += 1u) {

@@ -3,7 +3,7 @@
 use super::adapter::Adapters;
 use super::device::{GpuDevice, LimitChoice};
 use super::kernels::KERNELS;
-use super::shader::HALF_TILES;
+use super::shader::{HALF_TILES, SUM_LANES};
 use crate::Error;
 
 #[test]
@@ -14,13 +14,17 @@ fn every_kernel_compiles_within_the_minimum_limits() {
     }
     for choice in adapters {
         let device = GpuDevice::open(&choice, LimitChoice::Downlevel).unwrap();
-        for flags in [&[][..], &[HALF_TILES]] {
-            for (id, _) in KERNELS {
+        let tiles = [&[][..], &[HALF_TILES]];
+        let compile = |by_subgroups: bool, flags: &[&str]| {
+            for (id, _) in KERNELS.iter().filter(|(_, kernel)| kernel.needs_subgroups() == by_subgroups) {
                 if let Err(e) = device.pipelines(&[*id], flags, true) {
                     panic!("{id:?} {flags:?}: {e}");
                 }
             }
-        }
+        };
+        tiles.iter().for_each(|flags| compile(false, flags));
+        let lanes = SUM_LANES.iter().filter(|(lanes, _)| *lanes <= device.subgroup_lanes());
+        lanes.for_each(|(_, lanes)| tiles.iter().for_each(|flags| compile(true, &[flags, *lanes].concat())));
     }
 }
 

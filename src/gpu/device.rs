@@ -88,6 +88,7 @@ pub struct GpuDevice {
     pub(super) device: wgpu::Device,
     pub(super) queue: wgpu::Queue,
     pub(super) limits: wgpu::Limits,
+    subgroup_lanes: u32,
     errors: SharedErrors,
     work: Arc<WorkCounters>,
 }
@@ -113,7 +114,12 @@ impl GpuDevice {
                 ..downlevel(&adapter.limits())
             },
         };
-        let features = adapter.features() & wgpu::Features::TIMESTAMP_QUERY;
+        let info = adapter.get_info();
+        let sizes = [info.subgroup_min_size, info.subgroup_max_size];
+        let mut wanted = wgpu::Features::TIMESTAMP_QUERY;
+        wanted.set(wgpu::Features::SUBGROUP, sizes[0] == sizes[1]);
+        let features = adapter.features() & wanted;
+        let subgroup_lanes = if features.contains(wgpu::Features::SUBGROUP) { sizes[0] } else { 0 };
         let request = adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("litetex"),
             required_features: features,
@@ -138,6 +144,7 @@ impl GpuDevice {
             device,
             queue,
             limits: required_limits,
+            subgroup_lanes,
             errors,
             work: Arc::default(),
         })
@@ -146,6 +153,11 @@ impl GpuDevice {
     /// A number that no other open device has.
     pub(super) fn id(&self) -> usize {
         Arc::as_ptr(&self.work) as usize
+    }
+
+    /// Lanes of every subgroup; 0 where the size varies, or without subgroups.
+    pub fn subgroup_lanes(&self) -> u32 {
+        self.subgroup_lanes
     }
 
     /// Work that it was given since it was opened.

@@ -225,6 +225,21 @@ kernels! {
         RasterBwdGeometry ["STATISTICS", "GEOMETRY"];
         RasterBwdGeometryScatter ["STATISTICS", "GEOMETRY", "SCATTER"];
     }
+    // The same by subgroups.
+    "raster_bwd_subgroups", Tiles, [
+        read projected = Projected, read pairs = Pairs, read tile_ranges = TileRanges,
+        read texel_values = TexelValues, read pixel_state = PixelState, read pixel_grad = PixelGrad,
+        write partials = Partials, write texel_grad = TexelGrad,
+    ] => {
+        RasterBwdSubgroups ["SCATTER"];
+        RasterBwdSubgroupsStatistics ["SCATTER", "STATISTICS"];
+        RasterBwdSubgroupsCount ["SCATTER", "COUNT"];
+    }
+    "raster_bwd_subgroups", Tiles, [
+        read projected = Projected, read pairs = Pairs, read tile_ranges = TileRanges,
+        read texel_values = TexelValues, read normals = Normals, read pixel_records = PixelRecords,
+        write partials = Partials, write texel_grad = TexelGrad,
+    ] => { RasterBwdSubgroupsGeometry ["SCATTER", "STATISTICS", "GEOMETRY"] }
     "sum_pairs", VisibleTotals, [
         read bounds = Bounds, read partials = Partials, write splat_totals = SplatTotals, read visible = Visible,
         read slots = Slots,
@@ -339,6 +354,11 @@ impl Kernel {
         self.flags.contains(&"GEOMETRY")
     }
 
+    /// Whether it needs subgroups ([`super::form`] says who gets it).
+    pub fn needs_subgroups(&self) -> bool {
+        self.name.ends_with("_subgroups")
+    }
+
     fn binds(&self, buffer: Buf) -> bool {
         self.bindings.iter().any(|binding| binding.buffer == buffer)
     }
@@ -372,8 +392,9 @@ pub struct RasterKernels {
 }
 
 impl RasterKernels {
-    /// The variants for hardware or software, with or without counters for pairs and atomics.
-    pub fn choose(hardware: bool, count_pairs: bool, count_texel_atomics: bool) -> Self {
+    /// The variants for hardware or software, the backward pass by subgroups or not, with or without counters for pairs and
+    /// atomics.
+    pub fn choose(hardware: bool, subgroups: bool, count_pairs: bool, count_texel_atomics: bool) -> Self {
         use KernelId as K;
         let fwd = match (hardware, count_pairs) {
             (false, false) => K::RasterFwd,
@@ -381,6 +402,13 @@ impl RasterKernels {
             (true, false) => K::RasterFwdBatched,
             (true, true) => K::RasterFwdBatchedCount,
         };
+        let fwd_geometry = if hardware { K::RasterFwdBatchedGeometry } else { K::RasterFwdGeometry };
+        if subgroups {
+            let bwd = if count_texel_atomics { K::RasterBwdSubgroupsCount } else { K::RasterBwdSubgroups };
+            let (bwd_statistics, bwd_geometry) =
+                (K::RasterBwdSubgroupsStatistics, K::RasterBwdSubgroupsGeometry);
+            return Self { fwd, bwd, bwd_statistics, fwd_geometry, bwd_geometry };
+        }
         let bwd = match (hardware, count_texel_atomics) {
             (false, false) => K::RasterBwd,
             (false, true) => K::RasterBwdCount,
@@ -388,11 +416,7 @@ impl RasterKernels {
             (true, true) => K::RasterBwdScatterCount,
         };
         let bwd_statistics = if hardware { K::RasterBwdStatisticsScatter } else { K::RasterBwdStatistics };
-        let (fwd_geometry, bwd_geometry) = if hardware {
-            (K::RasterFwdBatchedGeometry, K::RasterBwdGeometryScatter)
-        } else {
-            (K::RasterFwdGeometry, K::RasterBwdGeometry)
-        };
+        let bwd_geometry = if hardware { K::RasterBwdGeometryScatter } else { K::RasterBwdGeometry };
         Self { fwd, bwd, bwd_statistics, fwd_geometry, bwd_geometry }
     }
 

@@ -13,6 +13,7 @@ mod encode;
 mod fault_tests;
 #[cfg(test)]
 mod fixed_tests;
+mod form;
 mod geometry;
 #[cfg(test)]
 mod harness;
@@ -51,4 +52,4 @@ pub use adapter::{AdapterChoice, Adapters, UnfitAdapter};
 pub use device::{DeviceWork, GpuDevice, LimitChoice};
 pub use shader::ExpandedShader;
 pub use state::{GpuBackend, GpuOptions};
-pub use web::{WebShader, web_shaders};
+pub use web::{WebShader, all_shaders, web_shaders};

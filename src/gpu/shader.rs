@@ -16,6 +16,9 @@ pub const HALF_TILE_ROWS_PX: u32 = 8;
 pub const FIXED_MAX: f64 = (1 << 30) as f64;
 /// Flag that all kernels get on software drivers.
 pub const HALF_TILES: &str = "HALF_TILES";
+/// Numbers of lanes that kernels by subgroups can sum over, and the flags for them.
+pub const SUM_LANES: [(u32, &[&str]); 4] =
+    [(4, &["LANES_4"]), (8, &["LANES_8"]), (16, &["LANES_16"]), (32, &[])];
 /// Invocations of most workgroups: the pixels of a tile.
 pub const GROUP: u32 = TILE_PX * TILE_PX;
 /// Invocations per workgroup in kernels with one workgroup per splat.
@@ -52,12 +55,14 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "common/groups",
     "common/hit",
     "common/image",
+    "common/lane_sums",
     "common/list_group",
     "common/map_change",
     "common/numbers",
     "common/pair_sums",
     "common/photo",
     "common/projected",
+    "common/replay",
     "common/scan",
     "common/sh",
     "common/sort",
@@ -66,10 +71,13 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "common/status",
     "common/step",
     "common/texel_grad",
+    "common/texel_sums",
     "common/texel_window",
     "common/tile",
+    "common/tile_pairs",
     "common/tile_sums",
     "common/unseen",
+    "common/visits",
     "common/window",
     "adam_texel",
     "edit_splats",
@@ -91,6 +99,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "project",
     "project_bwd",
     "raster_bwd",
+    "raster_bwd_subgroups",
     "raster_fwd",
     "regrid_maps",
     "resample_maps",

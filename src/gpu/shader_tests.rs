@@ -6,7 +6,7 @@ mod mirrors;
 mod parsed;
 
 use super::kernels::{KERNELS, Kernel};
-use super::shader::{ExpandedShader, HALF_TILES, SOURCES, expand};
+use super::shader::{ExpandedShader, HALF_TILES, SOURCES, SUM_LANES, expand};
 use contract::{check, workgroup_bytes};
 use mirrors::{check_structs, mirrors};
 use parsed::Parsed;
@@ -21,10 +21,18 @@ fn half_tiles(kernel: &Kernel) -> ExpandedShader {
     expand(kernel.name, &[kernel.flags, &[HALF_TILES]].concat()).unwrap()
 }
 
+/// The kernel for subgroups of each size.
+fn by_lanes(kernel: &Kernel) -> impl Iterator<Item = ExpandedShader> {
+    SUM_LANES.iter().map(|(_, lanes)| expand(kernel.name, &[kernel.flags, lanes].concat()).unwrap())
+}
+
 #[test]
 fn kernels_agree_with_the_table() {
     let both = |kernel| [check(native(kernel), kernel), check(half_tiles(kernel), kernel)].concat();
-    let wrong: Vec<String> = KERNELS.iter().flat_map(|(_, kernel)| both(kernel)).collect();
+    let mut wrong: Vec<String> = KERNELS.iter().flat_map(|(_, kernel)| both(kernel)).collect();
+    for (_, kernel) in KERNELS.iter().filter(|(_, kernel)| kernel.needs_subgroups()) {
+        wrong.extend(by_lanes(kernel).flat_map(|shader| check(shader, kernel)));
+    }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
     for (id, kernel) in KERNELS {
         let parsed = Parsed::new(native(kernel)).unwrap();

@@ -2,12 +2,12 @@
 
 use super::device::{GpuDevice, Pipeline, UNIFORM_STRIDE};
 use super::encode::{Dispatch, encode};
+use super::form::Form;
 use super::kernels::{Buf, Groups, KernelId, NUM_GROUPS, RasterKernels};
 use super::layout::{DispatchArgs, FLAG_ALL_MAPS, FLAG_PERSIST, Status, StepUniform};
 use super::pace::{BATCH, Pace};
 use super::photos::PhotoPool;
 use super::resources::{Resources, UniformOffsets};
-use super::shader::{HALF_TILE_ROWS_PX, HALF_TILES, TILE_PX};
 use super::sort;
 use super::timing::Timer;
 use super::uniform::{self, UniformInputs};
@@ -17,7 +17,8 @@ use crate::camera::Similarity;
 use crate::model::{AdamState, Filter, LearningRates, Model, SplatArrays, TexturePool};
 use std::collections::BTreeMap;
 
-/// Options of a [`GpuBackend`]. Only `hardware_kernels` changes the results of a step, in their last bits.
+/// Options of a [`GpuBackend`]. Only `hardware_kernels` and `sum_lanes` change the results of a step, in
+/// their last bits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct GpuOptions {
     /// Steps per submission, at most 16; 1 reads the status after each. `None`: as many as the device completes in
@@ -28,6 +29,9 @@ pub struct GpuOptions {
     /// Whether to use the kernel variants for hardware: tiles of 16 x 16 pixels instead of 16 x 8, splats loaded
     /// through workgroup memory, and an atomic per tap for the texels of large windows. `None`: on hardware.
     pub hardware_kernels: Option<bool>,
+    /// Lanes of a subgroup over which the backward pass sums: 4, 8, 16 or 32, at most those of the device's subgroups, which must
+    /// all have one size; 0: without subgroups. `None`: on hardware whose subgroups have 16 or 32, these.
+    pub sum_lanes: Option<u32>,
     /// Whether kernels are compiled without clamps of their indices. `None`: on hardware with Vulkan, whose devices check
     /// those of buffers themselves.
     pub unchecked_indices: Option<bool>,
@@ -57,7 +61,7 @@ pub struct GpuBackend {
     pub(super) pipelines: BTreeMap<KernelId, Pipeline>,
     pub(super) options: GpuOptions,
     pub(super) raster: RasterKernels,
-    pub(super) tile_rows_px: u32,
+    pub(super) form: Form,
     /// The model without its parameters, which are on the device.
     pub(super) shape: Model,
     /// Step and learning rates of the optimiser; its moments are on the device.
@@ -79,10 +83,8 @@ impl GpuBackend {
     /// # Errors
     /// [`crate::Error::Device`] if the driver rejects a kernel or allocation fails.
     pub fn new(device: GpuDevice, options: GpuOptions) -> Result<Self> {
-        let (raster, tile_rows_px) = variants(&device, &options);
-        let checks_indices = checks_indices(&device, &options);
-        let pipelines =
-            device.pipelines(&raster.without_geometry(), tile_flags(tile_rows_px), checks_indices)?;
+        let (form, raster) = Form::choose(&device, &options)?;
+        let pipelines = device.pipelines(&raster.without_geometry(), &form.flags(), form.checks_indices)?;
         let passes = sort::sort_passes();
         let mut resources = Resources::new(
             device.uniforms("steps", (MOST_ROUNDS * BATCH + 1) as u64)?,
@@ -109,7 +111,7 @@ impl GpuBackend {
             in_flight: Vec::new(),
             staging: device.staging("status", (BATCH * size_of::<Status>()) as u64)?,
             raster,
-            tile_rows_px,
+            form,
             device,
             resources,
             pipelines,
@@ -135,21 +137,19 @@ impl GpuBackend {
         if options.batch_steps != self.options.batch_steps {
             self.pace = Pace::new(options.batch_steps);
         }
-        let (raster, tile_rows_px) = variants(&self.device, &options);
-        // The height of tiles is compiled into most kernels: if it changes, none can be kept.
-        let keeps = tile_rows_px == self.tile_rows_px
-            && checks_indices(&self.device, &options) == checks_indices(&self.device, &self.options);
+        let (form, raster) = Form::choose(&self.device, &options)?;
+        // It is compiled into most kernels: if it changes, none is kept.
+        let keeps = form == self.form;
         let mut missing = raster.without_geometry();
         missing.retain(|id| !keeps || !self.pipelines.contains_key(id));
-        let checks_indices = checks_indices(&self.device, &options);
-        let compiled = self.device.pipelines(&missing, tile_flags(tile_rows_px), checks_indices)?;
+        let compiled = self.device.pipelines(&missing, &form.flags(), form.checks_indices)?;
         self.options = options;
         if !keeps {
             self.pipelines.clear();
             self.resources.forget_groups();
         }
         self.pipelines.extend(compiled);
-        (self.raster, self.tile_rows_px) = (raster, tile_rows_px);
+        (self.raster, self.form) = (raster, form);
         self.timer = if options.time_kernels { Timer::new(&self.device)? } else { None };
         Ok(())
     }
@@ -160,9 +160,8 @@ impl GpuBackend {
     /// [`crate::Error::Device`] if the driver rejects a kernel.
     pub(super) fn compile(&mut self, mut kernels: Vec<KernelId>) -> Result<()> {
         kernels.retain(|id| !self.pipelines.contains_key(id));
-        let flags = tile_flags(self.tile_rows_px);
-        let checks_indices = checks_indices(&self.device, &self.options);
-        self.pipelines.extend(self.device.pipelines(&kernels, flags, checks_indices)?);
+        let compiled = self.device.pipelines(&kernels, &self.form.flags(), self.form.checks_indices)?;
+        self.pipelines.extend(compiled);
         Ok(())
     }
 
@@ -177,7 +176,7 @@ impl GpuBackend {
             near: self.shape.near,
             filter_px2: self.shape.filter.variance_px2() as f32,
             pair_capacity: self.capacity.pairs as u32,
-            tile_rows_px: self.tile_rows_px,
+            tile_rows_px: self.form.tile_rows_px,
             flushed_step: self.clock.step,
             flushed_rates: self.clock.rates,
         }
@@ -251,21 +250,4 @@ impl GpuBackend {
 /// A dispatch for all splats, visible or not.
 fn each_splat(kernel: KernelId, offsets: UniformOffsets) -> Dispatch {
     Dispatch { groups: Groups::EachSplat, ..Dispatch::new(kernel, offsets) }
-}
-
-/// Kernel variants of the rasterisation, and the height of its tiles.
-fn variants(device: &GpuDevice, options: &GpuOptions) -> (RasterKernels, u32) {
-    let hardware = options.hardware_kernels.unwrap_or(device.choice.hardware);
-    let raster = RasterKernels::choose(hardware, options.count_pairs, options.count_texel_atomics);
-    (raster, if hardware { TILE_PX } else { HALF_TILE_ROWS_PX })
-}
-
-/// Whether kernels are compiled with clamps of their indices.
-fn checks_indices(device: &GpuDevice, options: &GpuOptions) -> bool {
-    !options.unchecked_indices.unwrap_or_else(|| device.choice.hardware && device.choice.is_vulkan())
-}
-
-/// Preprocessor flags of all kernels for tiles of a given height.
-fn tile_flags(tile_rows_px: u32) -> &'static [&'static str] {
-    if tile_rows_px == HALF_TILE_ROWS_PX { &[HALF_TILES] } else { &[] }
 }

@@ -59,7 +59,7 @@ impl GpuBackend {
 
     /// Dispatches from the projection to the image.
     pub(super) fn forward(&self, offsets: UniformOffsets, camera: &Camera, geometry: bool) -> Vec<Dispatch> {
-        let [cols, rows] = uniform::grid(camera, self.tile_rows_px);
+        let [cols, rows] = uniform::grid(camera, self.form.tile_rows_px);
         let (project, raster) = if geometry {
             (KernelId::ProjectGeometry, self.raster.fwd_geometry)
         } else {
@@ -152,7 +152,7 @@ impl GpuBackend {
             ..RequiredCapacity::default()
         };
         for camera in cameras {
-            let [cols, rows] = uniform::grid(&camera, self.tile_rows_px);
+            let [cols, rows] = uniform::grid(&camera, self.form.tile_rows_px);
             needs.pixels = needs.pixels.max(camera.pinhole.num_pixels() as u64);
             needs.tiles = needs.tiles.max(u64::from(cols) * u64::from(rows));
         }

@@ -1,4 +1,4 @@
-//! The kernels by themselves, for tests that compile them in browsers.
+//! The kernels by themselves, for tests that compile them in browsers, and for other compilers.
 
 use super::kernels::KERNELS;
 use super::shader::{ExpandedShader, HALF_TILES, expand};
@@ -13,13 +13,24 @@ pub struct WebShader {
     pub entry_point: &'static str,
     /// Preprocessed WGSL.
     pub shader: ExpandedShader,
+    /// Whether it needs subgroups.
+    pub needs_subgroups: bool,
 }
 
-/// All kernels and their variants, with tiles of both heights if the kernel depends on it.
+/// All kernels that need no subgroups, and their variants, with tiles of both heights if the kernel depends on it. naga does
+/// not know the directive by which browsers allow subgroups.
 ///
 /// # Errors
 /// [`Error::Device`] with file and line if the preprocessor fails.
 pub fn web_shaders() -> Result<Vec<WebShader>> {
+    Ok(all_shaders()?.into_iter().filter(|shader| !shader.needs_subgroups).collect())
+}
+
+/// As [`web_shaders`], with those that need subgroups.
+///
+/// # Errors
+/// [`Error::Device`] with file and line if the preprocessor fails.
+pub fn all_shaders() -> Result<Vec<WebShader>> {
     let mut out: Vec<WebShader> = Vec::new();
     for (_, kernel) in KERNELS {
         for tiles in [&[][..], &[HALF_TILES]] {
@@ -31,7 +42,8 @@ pub fn web_shaders() -> Result<Vec<WebShader>> {
             let uses_height = code.any(|line| heights.iter().any(|name| line.contains(name)));
             if uses_height || tiles.is_empty() {
                 let name = std::iter::once(kernel.name).chain(flags).collect::<Vec<_>>().join(" ");
-                out.push(WebShader { name, entry_point: kernel.name, shader });
+                let needs_subgroups = kernel.needs_subgroups();
+                out.push(WebShader { name, entry_point: kernel.name, shader, needs_subgroups });
             }
         }
     }

@@ -12,7 +12,7 @@ use crate::gpu::state::{GpuBackend, GpuOptions};
 use crate::gpu::uniform;
 use crate::model::Model;
 
-/// Counts pairs, atomics and bytes of `steps` steps with one variant of the rasterisation, whatever the device.
+/// Counts pairs, atomics and bytes of `steps` steps with the variant of the rasterisation that the options choose.
 ///
 /// # Errors
 /// [`crate::Error::Device`] if allocation or the device fails.
@@ -20,22 +20,22 @@ pub fn count<'a>(
     backend: &mut GpuBackend,
     model: &Model,
     steps: u32,
-    hardware_kernels: bool,
+    variant: GpuOptions,
     request: &dyn Fn(u32) -> StepRequest<'a>,
 ) -> Result<Option<CountFigures>> {
     let mut bench = BenchRun { backend, next: 1, request, deadline: Deadline::new(None), step_secs: 0.0 };
-    bench.restart(model, counting(hardware_kernels))?;
-    bench.count(model, steps, hardware_kernels, 1.0)
+    bench.restart(model, counting(variant))?;
+    bench.count(model, steps, variant, 1.0)
 }
 
 /// Options that count everything, one step per submission.
-fn counting(hardware_kernels: bool) -> GpuOptions {
+fn counting(variant: GpuOptions) -> GpuOptions {
     GpuOptions {
         count_pairs: true,
         count_texel_atomics: true,
         batch_steps: Some(1),
-        hardware_kernels: Some(hardware_kernels),
-        ..GpuOptions::default()
+        time_kernels: false,
+        ..variant
     }
 }
 
@@ -45,11 +45,11 @@ impl BenchRun<'_, '_> {
         &mut self,
         model: &Model,
         steps: u32,
-        hardware_kernels: bool,
+        variant: GpuOptions,
         share: f64,
     ) -> Result<Option<CountFigures>> {
         let deadline = self.deadline.share(share);
-        self.backend.set_options(counting(hardware_kernels))?;
+        self.backend.set_options(counting(variant))?;
         let (mut sum, mut counts) = (RasterCounters::default(), TrafficCounts::default());
         let mut before = self.backend.read_back()?.1.last_step;
         let mut counted = 0;
@@ -72,7 +72,7 @@ impl BenchRun<'_, '_> {
                 counts.lagging += f64::from(u8::from(lags));
                 counts.lagging_texels += if lags { texels } else { 0.0 };
             }
-            let [cols, rows] = uniform::grid(&camera, self.backend.tile_rows_px);
+            let [cols, rows] = uniform::grid(&camera, self.backend.form.tile_rows_px);
             counts.tiles += f64::from(cols * rows);
             counts.tile_passes += f64::from(num_tile_passes(cols * rows));
             before = after;
@@ -101,7 +101,7 @@ impl BenchRun<'_, '_> {
             per_step: counts.texel_atomics,
             per_blended_pair: counts.texel_atomics / mean(blended),
         };
-        let tile_pixels = u64::from(TILE_PX * self.backend.tile_rows_px);
+        let tile_pixels = u64::from(TILE_PX * self.backend.form.tile_rows_px);
         let pairs = pair_figures(&sum, counts.pairs, tile_pixels);
         Ok(Some(CountFigures { pairs, texel_atomics: atomics, traffic_counts: counts, traffic }))
     }

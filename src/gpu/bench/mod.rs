@@ -75,7 +75,7 @@ pub struct DeviceFigures {
     pub max_compute_workgroup_storage_size: u32,
     /// Most invocations per workgroup.
     pub max_compute_invocations_per_workgroup: u32,
-    /// Smallest and largest subgroup size, which the kernels do not depend on.
+    /// Smallest and largest subgroup size.
     pub subgroup_sizes: [u32; 2],
 }
 
@@ -139,11 +139,13 @@ pub struct AtomicFigures {
     pub per_blended_pair: f64,
 }
 
-/// One of the two variants of the rasterisation. Times are `null` without a device clock.
+/// One of the variants of the rasterisation. Times are `null` without a device clock.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct VariantFigures {
     /// Whether it is the variant for hardware.
     pub hardware_kernels: bool,
+    /// Lanes that the backward pass sums over by subgroups; 0: without.
+    pub sum_lanes: u32,
     /// Median time of the forward pass.
     pub raster_fwd_secs: Option<f64>,
     /// Median time of the backward pass.
@@ -282,23 +284,25 @@ impl BenchRun<'_, '_> {
         let timed = GpuOptions { time_kernels: true, ..plain };
         self.backend.set_options(timed)?;
         let kernel_secs = medians(&self.run_within(0.25, 0, steps)?);
-        let own_variant = self.backend.gpu().choice.hardware;
-        let own = self.variant(model, own_variant, kernel_secs.as_ref(), 0.25)?;
+        let own = self.variant(model, timed, kernel_secs.as_ref(), 0.25)?;
         let repeated = self.repeated(model, plain)?;
-        let other = GpuOptions { hardware_kernels: Some(!own_variant), ..timed };
-        self.backend.set_options(other)?;
-        // The first run of a kernel may compile it.
-        let other_secs = if self.run_within(0.25, 0, 1)?.is_empty() {
-            None
-        } else {
-            medians(&self.run_within(0.5, 0, FEW_STEPS)?)
-        };
-        let other = self.variant(model, !own_variant, other_secs.as_ref(), 1.0)?;
+        let mut variants = vec![own];
+        let others = self.other_variants(timed);
+        for (at, other) in others.iter().enumerate() {
+            self.backend.set_options(*other)?;
+            // The first run of a kernel may compile it.
+            let secs = if self.run_within(0.25, 0, 1)?.is_empty() {
+                None
+            } else {
+                medians(&self.run_within(0.5, 0, FEW_STEPS)?)
+            };
+            let share = 1.0 / (others.len() - at) as f64;
+            variants.push(self.variant(model, *other, secs.as_ref(), share)?);
+        }
         // Leaves the backend without counters and timestamps.
         self.backend.set_options(plain)?;
-        let counts = own.counts.clone();
-        let mut variants = vec![own, other];
-        variants.sort_by_key(|variant| variant.hardware_kernels);
+        let counts = variants[0].counts.clone();
+        variants.sort_by_key(|variant| (variant.hardware_kernels, variant.sum_lanes));
         Ok(StepFigures {
             steps: measured,
             batch_steps: self.backend.batch_steps(),
@@ -331,18 +335,31 @@ impl BenchRun<'_, '_> {
         Ok(Some((steps, hashes)))
     }
 
+    /// The variants that the device does not get: that for software or for hardware, and if its kernels sum by subgroups, that
+    /// without.
+    fn other_variants(&self, timed: GpuOptions) -> Vec<GpuOptions> {
+        let by_subgroups = self.backend.form.sum_lanes > 0;
+        let without = by_subgroups.then_some(GpuOptions { sum_lanes: Some(0), ..timed });
+        let hardware = self.backend.gpu().choice.hardware;
+        let other = GpuOptions { hardware_kernels: Some(!hardware), ..timed };
+        without.into_iter().chain([other]).collect()
+    }
+
     /// Times of one of the variants of the rasterisation, and its counts in a share of the time left.
     fn variant(
         &mut self,
         model: &Model,
-        hardware_kernels: bool,
+        options: GpuOptions,
         times: Option<&Vec<(&'static str, f64)>>,
         share: f64,
     ) -> Result<VariantFigures> {
-        let of = |name| times.and_then(|t| t.iter().find(|(n, _)| *n == name)).map(|(_, secs)| *secs);
+        let of =
+            |name| times.and_then(|t| t.iter().find(|(n, _)| n.starts_with(name))).map(|(_, secs)| *secs);
         let (raster_fwd_secs, raster_bwd_secs) = (of("raster_fwd"), of("raster_bwd"));
-        let counts = self.count(model, FEW_STEPS, hardware_kernels, share)?;
-        Ok(VariantFigures { hardware_kernels, raster_fwd_secs, raster_bwd_secs, counts })
+        let counts = self.count(model, FEW_STEPS, options, share)?;
+        let hardware_kernels = options.hardware_kernels.unwrap_or(self.backend.gpu().choice.hardware);
+        let sum_lanes = self.backend.form.sum_lanes;
+        Ok(VariantFigures { hardware_kernels, sum_lanes, raster_fwd_secs, raster_bwd_secs, counts })
     }
 
     /// Runs at most `most` steps in a share of the time left, all at once if they are fast; at least `least`, be there time or not.

@@ -174,7 +174,10 @@ pub(super) fn traffic(kernel: KernelId, c: &TrafficCounts) -> Vec<(TrafficItem, 
         | K::RasterBwdScatter
         | K::RasterBwdStatisticsScatter
         | K::RasterBwdCount
-        | K::RasterBwdScatterCount => {
+        | K::RasterBwdScatterCount
+        | K::RasterBwdSubgroups
+        | K::RasterBwdSubgroupsStatistics
+        | K::RasterBwdSubgroupsCount => {
             let sums = PARTIALS * c.pairs + ATOMIC * c.texel_atomics;
             vec![(I::Backward, scene + (8.0 + 16.0) * c.pixels + sums)]
         }
@@ -203,6 +206,7 @@ pub(super) fn traffic(kernel: KernelId, c: &TrafficCounts) -> Vec<(TrafficItem, 
         | K::GeometryLoss
         | K::RasterBwdGeometry
         | K::RasterBwdGeometryScatter
+        | K::RasterBwdSubgroupsGeometry
         | K::ProjectBwdGeometry
         | K::FinishGeometry
         | K::FlushSplat

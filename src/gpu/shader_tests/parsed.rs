@@ -4,7 +4,7 @@ use crate::gpu::shader::ExpandedShader;
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use naga::{GlobalVariable, Handle, Span};
 
-/// A shader that is valid core WebGPU.
+/// A shader that is valid core WebGPU, or WebGPU with subgroups if `_subgroups` ends its entry point.
 pub(super) struct Parsed {
     pub module: naga::Module,
     pub info: ModuleInfo,
@@ -19,10 +19,11 @@ impl Parsed {
         let module = naga::front::wgsl::parse_str(text).map_err(|e| {
             format!("{}: {}", place(e.location(text).map(|l| l.line_number)), e.emit_to_string(text))
         })?;
-        let info =
-            Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module).map_err(|e| {
-                format!("{}: {}", place(e.location(text).map(|l| l.line_number)), e.emit_to_string(text))
-            })?;
+        let needs_subgroups = module.entry_points.iter().any(|e| e.name.ends_with("_subgroups"));
+        let capabilities = if needs_subgroups { Capabilities::SUBGROUP } else { Capabilities::empty() };
+        let info = Validator::new(ValidationFlags::all(), capabilities).validate(&module).map_err(|e| {
+            format!("{}: {}", place(e.location(text).map(|l| l.line_number)), e.emit_to_string(text))
+        })?;
         let mut layouter = naga::proc::Layouter::default();
         layouter.update(module.to_ctx()).map_err(|e| e.to_string())?;
         Ok(Self { module, info, layouter, expanded })

@@ -1,0 +1,88 @@
+//! The form in which a device gets the kernels: by its options, else by what it is.
+//!
+//! | Device | Tiles | `raster_bwd` |
+//! |---|---|---|
+//! | hardware, all of whose subgroups have 16 or 32 lanes | 16 x 16 pixels | by subgroups of these |
+//! | other hardware | 16 x 16 pixels | through workgroup memory |
+//! | software | 16 x 8 pixels | through workgroup memory |
+//!
+//! Where subgroups have several sizes, the driver chooses one for each kernel: wgpu cannot require a size.
+
+use super::device::GpuDevice;
+use super::kernels::RasterKernels;
+use super::shader::{HALF_TILE_ROWS_PX, HALF_TILES, SUM_LANES, TILE_PX};
+use super::state::GpuOptions;
+use crate::Result;
+
+/// Subgroups of fewer lanes do not pay: more sums go through workgroup memory.
+const LEAST_LANES: u32 = 16;
+
+/// What all kernels are compiled with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Form {
+    /// Height of the rasterisation's tiles.
+    pub tile_rows_px: u32,
+    /// Lanes that kernels by subgroups sum over; 0 without such kernels.
+    pub sum_lanes: u32,
+    /// Whether indices are clamped.
+    pub checks_indices: bool,
+}
+
+impl Form {
+    /// The form for a device, and the variants of the rasterisation.
+    ///
+    /// # Errors
+    /// [`crate::Error::Usage`] if the options ask for subgroups that the device does not have.
+    pub(super) fn choose(device: &GpuDevice, options: &GpuOptions) -> Result<(Self, RasterKernels)> {
+        let hardware = options.hardware_kernels.unwrap_or(device.choice.hardware);
+        let sum_lanes = sum_lanes(device.subgroup_lanes(), hardware, options.sum_lanes)?;
+        let unchecked =
+            options.unchecked_indices.unwrap_or_else(|| device.choice.hardware && device.choice.is_vulkan());
+        let form = Self {
+            tile_rows_px: if hardware { TILE_PX } else { HALF_TILE_ROWS_PX },
+            sum_lanes,
+            checks_indices: !unchecked,
+        };
+        let (pairs, atomics) = (options.count_pairs, options.count_texel_atomics);
+        Ok((form, RasterKernels::choose(hardware, sum_lanes > 0, pairs, atomics)))
+    }
+
+    /// Preprocessor flags of all kernels.
+    pub(super) fn flags(self) -> Vec<&'static str> {
+        let tiles = (self.tile_rows_px == HALF_TILE_ROWS_PX).then_some(HALF_TILES);
+        let lanes =
+            SUM_LANES.iter().filter(|(lanes, _)| *lanes == self.sum_lanes).flat_map(|(_, flags)| *flags);
+        tiles.into_iter().chain(lanes.copied()).collect()
+    }
+}
+
+/// Lanes to sum over on a device whose subgroups all have `fixed` lanes; 0: no subgroups.
+fn sum_lanes(fixed: u32, hardware: bool, wanted: Option<u32>) -> Result<u32> {
+    let fits = |lanes: u32| fixed <= 32 && lanes <= fixed && SUM_LANES.iter().any(|(n, _)| *n == lanes);
+    match wanted {
+        None => Ok(if hardware && fixed >= LEAST_LANES && fits(fixed) { fixed } else { 0 }),
+        Some(lanes) if lanes == 0 || fits(lanes) => Ok(lanes),
+        Some(lanes) => Err(usage!(
+            "sums over {lanes} lanes: the device has subgroups of {fixed} (0: of several sizes or none)"
+        )),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_hardware_with_one_size_of_16_or_32_sums_by_subgroups() {
+        for (fixed, lanes) in [(0, 0), (4, 0), (8, 0), (16, 16), (32, 32), (64, 0)] {
+            assert_eq!(sum_lanes(fixed, true, None).unwrap(), lanes, "{fixed}");
+            assert_eq!(sum_lanes(fixed, false, None).unwrap(), 0);
+            assert_eq!(sum_lanes(fixed, true, Some(0)).unwrap(), 0);
+        }
+        // Any part of a subgroup can be asked for, but not more, and not what no kernel is made for.
+        assert_eq!(sum_lanes(8, false, Some(4)).unwrap(), 4);
+        for (fixed, lanes) in [(8, 16), (0, 4), (64, 32), (32, 2), (32, 12)] {
+            assert!(sum_lanes(fixed, true, Some(lanes)).is_err(), "{lanes} of {fixed}");
+        }
+    }
+}
