@@ -5,12 +5,12 @@
 mod common;
 
 use common::compare;
-use common::gpu::backends;
+use common::gpu::{backends, drivers, open};
 use common::twin::{
     BACKGROUND, Observed, WEIGHTS, agree, observe, reference, scenes, texels_flush_at_the_rate_of_their_map,
 };
 use litetex_gs::backend::{Backend as _, LearningRates, LossWeights, RenderOptions, StepRequest};
-use litetex_gs::gpu::{GpuBackend, GpuOptions};
+use litetex_gs::gpu::{GpuBackend, GpuOptions, LimitChoice};
 use litetex_gs::model::AdamState;
 use litetex_gs::selftest::{RandomScene, SceneOptions, random_scene};
 
@@ -117,6 +117,46 @@ fn sums_by_subgroups_match_the_reference_and_repeat() {
     }
     let required = std::env::var_os("LITETEX_REQUIRE_GPU").is_some_and(|n| n != "0");
     assert!(num_compared > 0 || !required, "no driver has subgroups of one size");
+}
+
+/// Buffers that hold the partial sums of 1,500 pairs, of 20 floats each.
+const SMALL: LimitChoice = LimitChoice::Buffers(120_000);
+
+#[test]
+fn sums_by_subgroups_in_several_rounds_are_the_same_bytes() {
+    let options = SceneOptions {
+        num_splats: 400,
+        width_px: 64,
+        height_px: 40,
+        scales: (0.1, 0.5),
+        map_sizes: vec![(4, 4)],
+        ..SceneOptions::default()
+    };
+    let scene = random_scene(&options);
+    let Some(choice) = drivers().into_iter().next() else { return };
+    let [plenty, small] = [LimitChoice::Downlevel, SMALL].map(|limits| {
+        let mut backend = open(&choice, limits, variant(true));
+        let lanes = sum_lanes(&backend).pop();
+        backend.set_options(GpuOptions { sum_lanes: lanes, ..variant(true) }).unwrap();
+        observe(&mut backend, &scene, &NO_GEOMETRY)
+    });
+    assert!(small == plenty);
+    let mut without = open(&choice, SMALL, GpuOptions { sum_lanes: Some(0), ..variant(true) });
+    let other = observe(&mut without, &scene, &NO_GEOMETRY);
+    assert!(other != plenty, "negative control: the other kernel");
+    let step = without.step(&StepRequest {
+        step: 2,
+        camera: scene.camera,
+        photo: None,
+        target: &scene.target,
+        background: BACKGROUND,
+        sh_degree: scene.model.splats.sh_degree(),
+        loss: NO_GEOMETRY,
+        rates: LearningRates::default(),
+        accumulate_statistics: true,
+        exposure: None,
+    });
+    assert!(step.unwrap().counters.tile_pairs > 1_500, "several rounds");
 }
 
 #[test]

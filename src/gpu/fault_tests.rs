@@ -1,9 +1,10 @@
 //! State of the backend after steps that failed on a live device, and errors of calls before the first upload.
 
 use super::device::{GpuDevice, LimitChoice};
+use super::form::GpuOptions;
 use super::harness::test_drivers;
 use super::kernels::Buf;
-use super::state::{GpuBackend, GpuOptions};
+use super::state::GpuBackend;
 use crate::Error;
 use crate::backend::{Backend as _, LearningRates, LossWeights, RenderOptions, StepRequest, TargetImage};
 use crate::model::AdamState;

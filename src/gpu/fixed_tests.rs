@@ -1,7 +1,7 @@
 //! Fixed-point texel gradients of poisoned images.
 
 use super::fault_tests::{backends, request};
-use super::state::GpuOptions;
+use super::form::GpuOptions;
 use crate::backend::{Backend as _, LossWeights, StepRequest};
 use crate::model::AdamState;
 use crate::selftest::{SceneOptions, random_scene};

@@ -11,8 +11,36 @@
 use super::device::GpuDevice;
 use super::kernels::RasterKernels;
 use super::shader::{HALF_TILE_ROWS_PX, HALF_TILES, SUM_LANES, TILE_PX};
-use super::state::GpuOptions;
 use crate::Result;
+
+/// Options of a [`super::GpuBackend`]. Only `hardware_kernels` and `sum_lanes` change the results of a step, in
+/// their last bits.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct GpuOptions {
+    /// Steps per submission, at most 16; 1 reads the status after each. `None`: as many as the device completes in
+    /// less than a second.
+    pub batch_steps: Option<usize>,
+    /// Whether to count pixel-splat pairs.
+    pub count_pairs: bool,
+    /// Whether to use the kernel variants for hardware: tiles of 16 x 16 pixels instead of 16 x 8, splats loaded
+    /// through workgroup memory, and an atomic per tap for the texels of large windows. `None`: on hardware.
+    pub hardware_kernels: Option<bool>,
+    /// Lanes of a subgroup over which the backward pass sums: 4, 8, 16 or 32, at most those of the device's subgroups, which must
+    /// all have one size; 0: without subgroups. `None`: on hardware whose subgroups have 16 or 32, these.
+    pub sum_lanes: Option<u32>,
+    /// Whether kernels are compiled without clamps of their indices. `None`: on hardware with Vulkan, whose devices check
+    /// those of buffers themselves.
+    pub unchecked_indices: Option<bool>,
+    /// Whether to count the global atomics of the texel gradients, instead of faults. Ignored in steps with window
+    /// statistics or terms on depths and normals.
+    pub count_texel_atomics: bool,
+    /// Whether to time every dispatch, if the device can: step reports then contain times by kernel.
+    pub time_kernels: bool,
+    /// Pairs to allocate buffers for at first; `None`: a guess from the number of splats.
+    pub pair_capacity: Option<u64>,
+    /// Largest number of pairs of a training step; `None`: as many as buffers hold. For tests with models that do not fit.
+    pub most_pairs: Option<u64>,
+}
 
 /// Subgroups of fewer lanes do not pay: more sums go through workgroup memory.
 const LEAST_LANES: u32 = 16;

@@ -50,6 +50,7 @@ mod web;
 
 pub use adapter::{AdapterChoice, Adapters, UnfitAdapter};
 pub use device::{DeviceWork, GpuDevice, LimitChoice};
+pub use form::GpuOptions;
 pub use shader::ExpandedShader;
-pub use state::{GpuBackend, GpuOptions};
+pub use state::GpuBackend;
 pub use web::{WebShader, all_shaders, web_shaders};

@@ -4,13 +4,14 @@
 use super::device::{GpuDevice, LimitChoice};
 use super::encode::Dispatch;
 use super::fault_tests::{backends, request};
+use super::form::GpuOptions;
 use super::harness::test_drivers;
 use super::kernels::{Buf, Groups, KernelId, NUM_GROUPS};
 use super::layout::{DispatchArgs, PAIR_SUMS_STATISTICS};
 use super::resources::UniformOffsets;
 use super::shader::{BLOCK, GROUP};
 use super::sort::folded_groups;
-use super::state::{GpuBackend, GpuOptions};
+use super::state::GpuBackend;
 use crate::backend::{Backend as _, LearningRates, StepRequest};
 use crate::camera::Camera;
 use crate::model::{AdamState, Model, SplatGroup};

@@ -4,11 +4,12 @@ use super::{AtomicFigures, BenchRun, CountFigures, Deadline, PairFigures, Traffi
 use crate::Result;
 use crate::backend::{Backend as _, RasterCounters, StepRequest};
 use crate::camera::Camera;
+use crate::gpu::form::GpuOptions;
 use crate::gpu::kernels::KernelId;
 use crate::gpu::resources::UniformOffsets;
 use crate::gpu::shader::TILE_PX;
 use crate::gpu::sort::{DEPTH_PASSES, num_tile_passes};
-use crate::gpu::state::{GpuBackend, GpuOptions};
+use crate::gpu::state::GpuBackend;
 use crate::gpu::uniform;
 use crate::model::Model;
 

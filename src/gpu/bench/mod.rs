@@ -9,8 +9,9 @@ pub use sort::{SortThroughput, sort_throughput};
 pub use traffic::{Traffic, TrafficCounts, TrafficItem, TrafficShare};
 
 use super::device::{DeviceWork, GpuDevice};
+use super::form::GpuOptions;
 use super::pace::Pace;
-use super::state::{GpuBackend, GpuOptions};
+use super::state::GpuBackend;
 use crate::Result;
 use crate::backend::{Backend as _, StepReport, StepRequest};
 use crate::clock::process_cpu_secs;
