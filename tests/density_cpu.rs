@@ -141,7 +141,7 @@ fn density_control_without_growth_changes_only_histories_and_the_window() {
         window: WindowStatistics::default(),
         window_views: Vec::new(),
         // Pairs are counted anew after each density-control step.
-        device: DeviceBound { pairs: 0, ..state.device },
+        device: DeviceBound { pairs: 0, visible: 0, ..state.device },
         stage_step: 0,
         revised_step: 0,
         ..state.clone()
