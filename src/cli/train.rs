@@ -214,7 +214,7 @@ fn first_state(job: &mut TrainJob, capture: &Capture, report: &mut Report, log: 
         return Ok(resume.state);
     }
     let mut found = Report::default();
-    let state = fresh_state(capture, &mut job.config, &mut found)?;
+    let state = fresh_state(capture, &job.config, &mut found)?;
     log.report(&found);
     report.merge(found);
     Ok(state)

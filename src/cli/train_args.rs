@@ -265,7 +265,7 @@ mod tests {
             }
         }
         let paper = fresh("--profile paper").train;
-        assert!(paper.policy == Policy::Paper && paper.rates.position_random == paper.rates.position);
+        assert!(paper.policy == Policy::Paper && paper.rates.raise == 0.5 && paper.rates.fall == 1.0);
         assert_eq!(fresh("").train.density, DensityConfig::default());
     }
 

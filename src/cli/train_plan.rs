@@ -95,7 +95,7 @@ pub fn plan(
         *start.capture = Arc::new(Capture::load(job.config.data()?, &job.config.capture)?);
     }
     // The budget follows from the steps, the model from both.
-    *start.state = fresh_state(start.capture, &mut job.config, &mut Report::default())?;
+    *start.state = fresh_state(start.capture, &job.config, &mut Report::default())?;
     say(job, &situation, plan, log);
     let train_secs = Some(plan.done_secs - plan.end_secs - now());
     Ok(Planned { costs: trial.costs, end_secs: plan.end_secs, train_secs })

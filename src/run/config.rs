@@ -11,7 +11,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// Settings that do not shape the trained model, or follow from others.
-const NOT_SHAPING: [&str; 13] = [
+const NOT_SHAPING: [&str; 12] = [
     "version",
     "profile",
     "save-images",
@@ -21,7 +21,6 @@ const NOT_SHAPING: [&str; 13] = [
     "train.eval-every",
     "train.save-every",
     "train.save-secs",
-    "train.random-start",
     "capture.background",
     "capture.image-cache-bytes",
     "capture.photo-memory-bytes",
@@ -79,7 +78,7 @@ pub enum SaveImages {
 }
 
 /// Settings that follow from others, and these.
-const DERIVED: [(&str, &str); 2] = [("train.random-start", "init"), ("capture.background", "background")];
+const DERIVED: [(&str, &str); 1] = [("capture.background", "background")];
 
 impl RunConfig {
     /// Reads a file; what it does not say keeps the default.
@@ -261,11 +260,7 @@ impl RunConfig {
             return Err("time-secs: expected a positive number".to_owned());
         }
         let r = &t.rates;
-        let positions = [
-            ("position", r.position),
-            ("position-random", r.position_random),
-            ("position-end", r.position_end),
-        ];
+        let positions = [("position", r.position), ("position-end", r.position_end)];
         for (key, rate) in positions {
             // The schedule between them is logarithmic.
             if !rate.is_finite() || rate <= 0.0 {
@@ -395,7 +390,6 @@ mod tests {
             "stps=3",
             "a.b=1",
             "steps",
-            "random-start=true",
             "capture.background=[1, 1, 1]",
         ] {
             let error = RunConfig::default().set(setting).unwrap_err();

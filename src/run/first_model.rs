@@ -74,14 +74,13 @@ pub fn fresh_model(
 ///
 /// # Errors
 /// As [`fresh_model`].
-pub fn fresh_state(capture: &Capture, config: &mut RunConfig, report: &mut Report) -> Result<TrainState> {
+pub fn fresh_state(capture: &Capture, config: &RunConfig, report: &mut Report) -> Result<TrainState> {
     let first = fresh_model(capture, &config.init, config.max_points, &config.train)?;
     report.merge(first.report);
     let budget = Schedule::new(&config.train, capture.indices(Split::Train).len()).budget(&config.train, 0);
     if let Some(what) = bounded_start(&config.train, &budget, first.model.num_splats()) {
         report.warn("start-bounded-by-budget", 1, what);
     }
-    config.train.random_start = first.is_random;
     Ok(TrainState::fresh(first.model))
 }
 

@@ -53,8 +53,6 @@ pub enum Exposure {
 pub struct RateConfig {
     /// Centres at the first step, local units. Default 1.6e-4 (3DGS).
     pub position: f32,
-    /// The same for random initialisation, where splats have further to go. Default 6.4e-4 (method 4.2).
-    pub position_random: f32,
     /// Centres at the end of their decay, which is log-linear. Default 1.6e-6 (3DGS).
     pub position_end: f32,
     /// Quaternions. Default 1e-3 (3DGS).
@@ -85,8 +83,7 @@ impl RateConfig {
     /// Rates of profiles with published constants. They rise with the root of the missing length, since the published ones are too
     /// low for any short run.
     pub fn published() -> Self {
-        let rates = Self { raise: 0.5, fall: 1.0, ..Self::default() };
-        Self { position_random: rates.position, ..rates }
+        Self { raise: 0.5, fall: 1.0, ..Self::default() }
     }
 }
 
@@ -94,7 +91,6 @@ impl Default for RateConfig {
     fn default() -> Self {
         Self {
             position: 1.6e-4,
-            position_random: 6.4e-4,
             position_end: 1.6e-6,
             quaternion: 1e-3,
             log_scale: 5e-3,
@@ -139,8 +135,6 @@ pub struct TrainConfig {
     pub seed: u64,
     /// Highest SH degree, 0 to 3. Default 3 (3DGS; the paper counts its parameters).
     pub sh_degree: u32,
-    /// Whether initialisation is random, which selects [`RateConfig::position_random`]. Set with the initial model.
-    pub random_start: bool,
     /// Allocation of splats and texels. Default `litetex` (method 9.1).
     pub policy: Policy,
     /// Parts of the method that are on. Default all (method 9.2).
@@ -190,7 +184,6 @@ impl Default for TrainConfig {
             plan: Vec::new(),
             seed: 42,
             sh_degree: 3,
-            random_start: false,
             policy: Policy::Litetex,
             components: Components::default(),
             budget: Budget::default(),

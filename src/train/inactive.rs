@@ -33,7 +33,7 @@ fn unused(config: &TrainConfig) -> Vec<(String, Vec<String>)> {
     let prunes = config.prunes_after_growth();
     let prunes_by_need = prunes && (!has_budget || density.need_db > 0.0);
     let (adaptive, textured) = (spec.map_rule == MapRule::Adaptive, spec.map_rule != MapRule::None);
-    let conditions: [(bool, &str, &[&str]); 17] = [
+    let conditions: [(bool, &str, &[&str]); 16] = [
         (!(rule.ends_by_need || prunes && has_budget), &of_policy, &["density.need-db"]),
         (!adaptive, &of_policy, &["density.grow-by-axis", "density.coarsen-below"]),
         (!adaptive && rule.splits_any_length, &of_policy, &["density.quantile"]),
@@ -70,7 +70,6 @@ fn unused(config: &TrainConfig) -> Vec<(String, Vec<String>)> {
         (matches!(spec.map_rule, MapRule::Fixed(_)), &of_policy, &["density.merge"]),
         (density.sh_below == 0.0, "density.sh-below is 0", &["density.sh-raise"]),
         (config.sh_degree == 0, "the SH degree is 0", &["density.sh-below", "density.sh-raise"]),
-        (!config.random_start, "the run does not start from random points", &["rates.position-random"]),
     ];
     let named = |keys: &[&str]| keys.iter().map(|&key| key.to_owned()).collect::<Vec<_>>();
     let mut out: Vec<(String, Vec<String>)> = conditions

@@ -21,8 +21,7 @@ impl Schedule {
         let r = &config.rates;
         let done = self.original_steps(step - 1);
         let t = (done / f64::from(self.position_end)).min(1.0);
-        let position = if config.random_start { r.position_random } else { r.position };
-        let (start, end) = (f64::from(position).ln(), f64::from(r.position_end).ln());
+        let (start, end) = (f64::from(r.position).ln(), f64::from(r.position_end).ln());
         let missing = (PUBLISHED_STEPS / f64::from(config.steps)).clamp(1.0, MOST_MISSING);
         let gone = (done / f64::from(config.steps) - FALL_START) / (1.0 - FALL_START);
         let calm = self.rounding.map_or(1.0, |phase| phase.rates(step));
@@ -49,8 +48,8 @@ mod tests {
     use super::*;
 
     /// Rates of a run of this length at its first, its middle and its last step.
-    fn rates(steps: u32, rates: RateConfig, random_start: bool) -> [LearningRates; 3] {
-        let config = TrainConfig { steps, rates, random_start, ..TrainConfig::default() };
+    fn rates(steps: u32, rates: RateConfig) -> [LearningRates; 3] {
+        let config = TrainConfig { steps, rates, ..TrainConfig::default() };
         let schedule = Schedule::new(&config, 300);
         [1, steps / 2, steps].map(|step| schedule.rates(&config, step))
     }
@@ -62,19 +61,17 @@ mod tests {
     #[test]
     fn published_runs_have_the_published_rates() {
         let published = RateConfig::published();
-        let [first, middle, last] = rates(30_000, published, false);
+        let [first, middle, last] = rates(30_000, published);
         assert_eq!([first.opacity, middle.opacity, last.opacity], [published.opacity; 3]);
         assert_eq!([first.texel, middle.texel], [0.0, published.texel]);
         assert_eq!(ratio(last.position, published.position_end), 1.0);
-        let [other, ..] = rates(30_000, RateConfig::default(), true);
-        assert_eq!(ratio(other.position, first.position), 4.0);
     }
 
     #[test]
     fn rates_are_higher_in_short_runs_and_fall_at_their_end() {
-        let [long, ..] = rates(30_000, RateConfig::default(), false);
+        let [long, ..] = rates(30_000, RateConfig::default());
         let raises = |steps, config| {
-            let [first, ..] = rates(steps, config, false);
+            let [first, ..] = rates(steps, config);
             [
                 ratio(first.quaternion, long.quaternion),
                 ratio(first.sh_dc, long.sh_dc),
@@ -84,7 +81,7 @@ mod tests {
         assert_eq!(raises(30_000 / 16, RateConfig::default()), [16.0, 8.0, 4.0]);
         assert_eq!(raises(30_000 / 16, RateConfig::published()), [4.0, 2.0, 1.0]);
         assert_eq!(raises(100, RateConfig::default()), [30.0, 12.8186, 5.4772]);
-        let [_, middle, last] = rates(3_000, RateConfig::default(), false);
+        let [_, middle, last] = rates(3_000, RateConfig::default());
         assert_eq!([ratio(last.opacity, middle.opacity), ratio(last.texel, middle.texel)], [0.1002; 2]);
     }
 }
