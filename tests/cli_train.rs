@@ -168,8 +168,9 @@ fn a_resumed_run_equals_the_uninterrupted_one_byte_for_byte() {
 #[test]
 fn a_run_is_evaluated_rendered_and_inspected() {
     let place = Place::new();
-    // With the larger, fainter splats some pixels are uncovered.
-    place.train("run", &["--steps", "12", "--texture", "none", "--set", "start=spacing"]);
+    // With larger, fainter splats, and rates at which they stay so, some pixels are uncovered.
+    let faint = ["--set", "start=spacing", "--set", "rates.raise=0.5", "--set", "rates.fall=1"];
+    place.train("run", &[&["--steps", "12", "--texture", "none"], &faint[..]].concat());
     let (run_dir, out) = (place.path("run"), place.path("out"));
     let json: Value = serde_json::from_str(&ok(&["eval", &run_dir, "--json", "-q", "-o", &out])).unwrap();
     let trained = place.json("run/summary.json");
