@@ -170,7 +170,8 @@ fn a_run_is_evaluated_rendered_and_inspected() {
     let place = Place::new();
     // With larger, fainter splats, and rates at which they stay so, some pixels are uncovered.
     let faint = ["--set", "start=spacing", "--set", "rates.raise=0.5", "--set", "rates.fall=1"];
-    place.train("run", &[&["--steps", "12", "--texture", "none"], &faint[..]].concat());
+    let short = ["--steps", "12", "--texture", "none"];
+    place.train("run", &[&short[..], &faint].concat());
     let (run_dir, out) = (place.path("run"), place.path("out"));
     let json: Value = serde_json::from_str(&ok(&["eval", &run_dir, "--json", "-q", "-o", &out])).unwrap();
     let trained = place.json("run/summary.json");
