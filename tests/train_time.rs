@@ -229,13 +229,15 @@ fn a_minute_of_training_at_most_is_lost_by_a_crash() {
         [0.0].into_iter().chain(saved.interim_secs.iter().copied()).chain([saved.secs]).collect();
     // It can be saved after a step, but not within the decisions after it: a round of pruning renders many views.
     let between = |times: &[f64]| times.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max);
-    let [apart, step] = [&times, &saved.step_secs].map(|times| between(times.as_slice()));
+    let [apart, step] = [&times, &saved.step_secs].map(|times| between(times));
     println!("at most {apart} s between checkpoints, {step} s between steps");
     assert!(times.len() > 4 && apart < 60.0 + step, "{times:?}");
+    // Negative control: without interim checkpoints, all is lost until the end.
+    assert!(never.interim_secs.is_empty() && never.secs > 60.0 + between(&never.step_secs));
     assert!(saved.state.model == never.state.model && saved.state.adam == never.state.adam);
     assert_eq!(saved.plan, never.plan);
     // Checkpoints that the user asks for are enough.
-    assert!(never.interim_secs.is_empty() && of(60, 70).interim_secs.is_empty());
+    assert!(of(60, 70).interim_secs.is_empty());
 }
 
 #[test]
