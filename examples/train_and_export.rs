@@ -24,7 +24,7 @@ pub fn train_and_export(path: &Path, run: &Path, glb: &Path, steps: u32) -> Resu
     let mut config = RunConfig { data: Some(path.to_owned()), ..RunConfig::default() };
     config.train.steps = steps;
     let capture = Capture::load(path, &config.capture)?;
-    let state = fresh_state(&capture, &mut config, &mut report)?;
+    let state = fresh_state(&capture, &config, &mut report)?;
     let mut backend = CpuBackend::new(None)?;
     let folder = RunFolder::create(run, false)?;
     let mut recorder = Recorder::new(&folder, &capture, &config, 0, || started.elapsed().as_secs_f64())?;
