@@ -16,7 +16,7 @@ fn small_suite() -> String {
     for (large, small) in [
         ("\"128x96\"", "\"64x48\""),
         ("\"--rays\", \"4\"", "\"--rays\", \"2\""),
-        ("\"--steps\", \"1000\"", "\"--steps\", \"30\", \"--device\", \"cpu\""),
+        ("\"--steps\", \"1000\"", "\"--steps\", \"15\", \"--device\", \"cpu\""),
     ] {
         assert_eq!(text.matches(large).count(), 1, "{large}");
         text = text.replace(large, small);
@@ -59,7 +59,7 @@ fn the_suite_trains_is_evaluated_and_charted() {
     let unknown: Vec<&str> = checks.lines().filter(|line| line.contains("unknown")).collect();
     // Without a texel none is in the easy quadrants.
     assert!(unknown.iter().all(|line| line.starts_with("quilt,texels in the easy quadrants")), "{unknown:?}");
-    // Negative control: 30 steps are too few for a scene that shows something, unless its points show it all.
+    // Negative control: 15 steps are too few for a scene that shows something, unless its points show it all.
     let is_easy = |line: &str| ["flat", "5,000 points", "wall 4,"].iter().any(|easy| line.contains(easy));
     let psnr: Vec<&str> = checks.lines().filter(|line| line.contains("PSNR") && !is_easy(line)).collect();
     assert_eq!(psnr.len(), 8);
