@@ -1,6 +1,6 @@
 // Place of each group's visible splats in the list of all, the total numbers of visible splats and of pairs, and the
 // workgroup counts of every later dispatch of the step (no twin; tested in gpu/tile_list_tests.rs). If the pairs exceed the
-// capacity, all counts become zero, so that nothing further in the submission is applied; but the step's flush is completed.
+// capacity, all counts become zero, so that nothing submitted after it is applied; but the step's flush is completed.
 // One workgroup, dispatched directly: a dispatch must not read its size from a table that it writes. Invocation:
 // LANE_ELEMENTS neighbouring groups at a time.
 
@@ -43,7 +43,7 @@ fn visible_sums(@builtin(local_invocation_index) lane: u32) {
     if lane > 0u {
         return;
     }
-    // An earlier step of the submission did not fit: the lists are stale, and all counts stay zero.
+    // An earlier step did not fit: the lists are stale, and all counts stay zero.
     if args[3u * GROUPS_ONE] == 0u {
         set_groups(GROUPS_LISTED_BLOCKS, 0u);
         set_groups(GROUPS_EACH_LISTED, 0u);

@@ -77,6 +77,11 @@ pub trait ViewSource: Sync {
         u64::MAX
     }
 
+    /// Whether every photo stays in memory once it is decoded: holding several then takes no more.
+    fn keeps_all(&self) -> bool {
+        true
+    }
+
     /// Announces the views that will be needed next, so that they can be decoded in the background.
     fn prefetch(&self, _views: &[usize]) {}
 

@@ -169,6 +169,7 @@ fn between(before: DeviceWork, after: DeviceWork) -> DeviceWork {
     DeviceWork {
         dispatches: after.dispatches - before.dispatches,
         submissions: after.submissions - before.submissions,
+        overlapping: after.overlapping - before.overlapping,
         waits: after.waits - before.waits,
         uploads: after.uploads - before.uploads,
         photos: after.photos - before.photos,

@@ -126,6 +126,10 @@ impl ViewSource for Capture {
         self.store.budget_bytes()
     }
 
+    fn keeps_all(&self) -> bool {
+        self.store.keeps_all()
+    }
+
     fn prefetch(&self, views: &[usize]) {
         self.store.prefetch(views);
     }

@@ -6,7 +6,8 @@
 /// An eighth of the cache at most is for photos that are decoded ahead.
 const WINDOW_SHARE: u64 = 8;
 
-/// Photos decoded ahead that are enough: those of two batches of steps on a GPU.
+/// Photos decoded ahead that are enough: those of two batches of steps on a GPU, of which each holds 16 at most if not all
+/// photos stay.
 const WINDOW_PHOTOS: u64 = 32;
 
 /// How a cache is shared out.

@@ -354,6 +354,11 @@ impl ImageStore {
         self.shared.budget_bytes
     }
 
+    /// Whether all photos fit in the cache.
+    pub fn keeps_all(&self) -> bool {
+        self.shared.shares.pinned.iter().all(|&pinned| pinned)
+    }
+
     /// Most memory that making `threads` photos at once takes.
     pub fn decoding_bytes(&self, threads: usize) -> u64 {
         decoded_at_once(self.shared.recipes.iter().map(Recipe::working_bytes).collect(), threads)

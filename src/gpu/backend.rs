@@ -1,6 +1,6 @@
-//! The GPU as a [`Backend`]: several steps per submission, whose status is read afterwards. A step whose pairs do
-//! not fit is not applied, nor is any later step of the submission; then the buffers grow and the steps are
-//! repeated, with the same bits as if the buffers had been large enough from the start.
+//! The GPU as a [`Backend`]: several steps per submission, whose statuses are read while the device does the next. A step
+//! whose pairs do not fit is not applied, nor is any later step that was submitted; then the buffers grow and the steps
+//! are repeated, with the same bits as if the buffers had been large enough from the start.
 
 use super::kernels::Buf;
 use super::layout::Status;
@@ -70,7 +70,8 @@ impl Backend for GpuBackend {
             let uniform = uniform::image(&inputs, camera, options.background, options.sh_degree);
             let offsets = self.set_uniform(0, &uniform);
             let dispatches = self.forward(offsets, camera, options.geometry);
-            let status = self.submit_for_status(&dispatches, 1)?;
+            let index = self.submit_for_statuses(&dispatches, 0, 1)?;
+            let status: Vec<Status> = self.device.read_staged(&self.staging[0], 1, index)?;
             if u64::from(status[0].needed_pairs) <= self.capacity.pairs {
                 break;
             }
@@ -99,7 +100,7 @@ impl Backend for GpuBackend {
     }
 
     fn batch_steps(&self) -> usize {
-        self.pace.steps()
+        self.pace.call_steps()
     }
 
     fn steps(&mut self, requests: &[StepRequest<'_>]) -> Result<Vec<StepReport>> {
@@ -155,11 +156,7 @@ impl Backend for GpuBackend {
     fn read_back(&mut self) -> Result<(Model, AdamState)> {
         // Works after refused commands too: the steps applied before are intact, and can be saved.
         self.check_model()?;
-        if !self.in_flight.is_empty() {
-            let statuses: Vec<Status> =
-                self.device.rescue(self.resources.buffer(Buf::Status), self.in_flight.len())?;
-            self.count_applied(&statuses);
-        }
+        self.count_unread()?;
         let (mut model, mut adam) = (self.shape.clone(), self.clock.clone());
         model_buffers::read_back(&self.device, &self.resources, &mut model, &mut adam)?;
         Ok((model, adam))

@@ -46,6 +46,8 @@ pub struct DeviceWork {
     pub dispatches: u64,
     /// Number of submissions of command buffers, including copies to staging buffers.
     pub submissions: u64,
+    /// Submissions of steps made before the statuses of the one before were read.
+    pub overlapping: u64,
     /// How often the host waited for the device.
     pub waits: u64,
     /// Models sent to the device, with the optimiser's state.
@@ -61,6 +63,7 @@ pub struct DeviceWork {
 pub(super) struct WorkCounters {
     dispatches: AtomicU64,
     submissions: AtomicU64,
+    pub(super) overlapping: AtomicU64,
     pub(super) waits: AtomicU64,
     pub(super) uploads: AtomicU64,
     pub(super) photos: AtomicU64,
@@ -73,6 +76,7 @@ impl WorkCounters {
         DeviceWork {
             dispatches: of(&self.dispatches),
             submissions: of(&self.submissions),
+            overlapping: of(&self.overlapping),
             waits: of(&self.waits),
             uploads: of(&self.uploads),
             photos: of(&self.photos),
@@ -184,9 +188,9 @@ impl GpuDevice {
         self.work.read_bytes.fetch_add(bytes, Ordering::Relaxed);
     }
 
-    pub(super) fn submit(&self, encoder: wgpu::CommandEncoder) {
+    pub(super) fn submit(&self, encoder: wgpu::CommandEncoder) -> wgpu::SubmissionIndex {
         self.count(|work| &work.submissions);
-        self.queue.submit([encoder.finish()]);
+        self.queue.submit([encoder.finish()])
     }
 
     /// Copies buffers to others that are at least as large.

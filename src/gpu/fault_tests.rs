@@ -90,7 +90,7 @@ fn applied_steps_count_even_if_their_status_was_not_read() {
     backend.upload(&scene.model, &adam).unwrap();
     backend.steps(&[request(&scene, 1)]).unwrap();
     // Destroys the staging buffer, so that the status of the second step cannot be read.
-    backend.staging.destroy();
+    backend.staging[0].destroy();
     let error = backend.steps(&[request(&scene, 2)]).unwrap_err();
     assert!(matches!(error, Error::Device(_)), "{error}");
     let got = backend.read_back().unwrap();

@@ -17,8 +17,8 @@ use crate::Result;
 /// their last bits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct GpuOptions {
-    /// Steps per submission, at most 16; 1 reads the status after each. `None`: as many as the device completes in
-    /// less than a second.
+    /// Steps per submission and preferred number per call, at most 16. `None`: as many as the device completes in less than a
+    /// second, at most 16 per submission and 64 per call.
     pub batch_steps: Option<usize>,
     /// Whether to count pixel-splat pairs.
     pub count_pairs: bool,

@@ -98,7 +98,7 @@ const fn write(name: &'static str, buffer: Buf) -> Binding {
 
 /// Numbers of workgroups: entries of the table of indirect dispatches. The host knows the first three before a
 /// step; `visible_sums` writes the others once it has counted the pairs. If the pairs of a step do not fit, it
-/// zeroes all entries, so that nothing after it in the submission is applied; but the flush of that step is completed.
+/// zeroes all entries, so that nothing that was submitted after it is applied; but the flush of that step is completed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u32)]
 pub enum Groups {

@@ -17,6 +17,9 @@ mod form;
 mod geometry;
 #[cfg(test)]
 mod harness;
+mod in_flight;
+#[cfg(test)]
+mod in_flight_tests;
 mod kernels;
 mod layout;
 mod limits;
@@ -26,6 +29,7 @@ mod model_buffers;
 mod pace;
 mod photos;
 mod probing;
+mod queue;
 mod reading;
 mod resources;
 mod saved;

@@ -1,29 +1,37 @@
-//! Chooses the number of steps per submission: enough to keep the device busy, but few enough that the host
+//! Chooses the number of steps per submission and per call: enough to keep the device busy, but few enough that the host
 //! responds within about half a second. It does not change the results.
 
-/// Largest number of steps per submission, and entries of the status ring.
+/// Largest number of steps per submission, and entries of a part of the status ring.
 pub(super) const BATCH: usize = 16;
+/// Largest number of steps per call: the device waits for the host between calls, not between the submissions of one.
+const MOST_STEPS: usize = 4 * BATCH;
 
-/// Batches that take less time are doubled.
+/// Calls that take less time are doubled.
 const SHORT_SECS: f64 = 0.3;
-/// Batches that take more time are halved. Doubling a short batch does not exceed this.
+/// Calls that take more time are halved. Doubling a short call does not exceed this.
 const LONG_SECS: f64 = 2.0 * SHORT_SECS;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Pace {
+    /// Steps of a call.
     steps: usize,
     adapts: bool,
 }
 
 impl Pace {
-    /// A fixed number of steps, or one that starts at 1 and adapts to the device.
+    /// A fixed number of steps, one submission, or one that starts at 1 and adapts to the device.
     pub(super) fn new(fixed: Option<usize>) -> Self {
         Self { steps: fixed.unwrap_or(1).clamp(1, BATCH), adapts: fixed.is_none() }
     }
 
+    /// Steps of the next call.
+    pub(super) fn call_steps(self) -> usize {
+        self.steps
+    }
+
     /// Steps of the next submission.
     pub(super) fn steps(self) -> usize {
-        self.steps
+        self.steps.min(BATCH)
     }
 
     /// Adapts to the duration of a submission of `steps` steps.
@@ -31,20 +39,20 @@ impl Pace {
         if !self.adapts || steps == 0 {
             return;
         }
-        // The batch may have been shorter than planned: extrapolate to the full length.
+        // It may have been shorter than a call: extrapolate to the full length.
         let secs = secs / steps as f64 * self.steps as f64;
         if secs < SHORT_SECS {
-            self.steps = (2 * self.steps).min(BATCH);
+            self.steps = (2 * self.steps).min(MOST_STEPS);
         } else if secs > LONG_SECS {
             self.steps = (self.steps / 2).max(1);
         }
     }
 
-    /// The number of steps that it converges to if each takes `step_secs`.
+    /// The number of steps per submission that it converges to if each takes `step_secs`.
     pub(super) fn at(step_secs: f64) -> usize {
         let mut pace = Self::new(None);
-        (0..BATCH).for_each(|_| pace.learn(pace.steps, step_secs * pace.steps as f64));
-        pace.steps
+        (0..BATCH).for_each(|_| pace.learn(pace.steps(), step_secs * pace.steps() as f64));
+        pace.steps()
     }
 }
 
@@ -53,17 +61,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn short_batches_double_and_long_ones_halve() {
+    fn short_calls_double_and_long_ones_halve() {
         let mut pace = Pace::new(None);
         let mut seen = Vec::new();
-        for secs in [0.01, 0.02, 0.04, 0.31, 0.31, 0.61, 0.1, 0.2, 0.2, 0.2] {
-            seen.push(pace.steps());
-            pace.learn(pace.steps(), secs);
+        for secs in [0.01, 0.02, 0.04, 0.31, 0.31, 0.61, 0.1, 0.2, 0.2, 0.2, 0.2, 0.3] {
+            seen.push((pace.call_steps(), pace.steps()));
+            pace.learn(pace.call_steps(), secs);
         }
-        assert_eq!(seen, [1, 2, 4, 8, 8, 8, 4, 8, 16, 16]);
-        // Shorter batches are extrapolated: 2 of 16 steps in 0.1 s mean 0.8 s for all.
-        pace.learn(2, 0.1);
-        assert_eq!(pace.steps(), 8);
+        let calls = [1, 2, 4, 8, 8, 8, 4, 8, 16, 32, 64, 64];
+        assert_eq!(seen, calls.map(|steps| (steps, steps.min(BATCH))));
+        // Submissions are extrapolated: 16 of 64 steps in 0.2 s mean 0.8 s for all.
+        pace.learn(BATCH, 0.2);
+        assert_eq!((pace.call_steps(), pace.steps()), (32, BATCH));
     }
 
     #[test]
@@ -71,6 +80,6 @@ mod tests {
         assert_eq!([0.0001, 0.02, 0.1, 0.31, 20.0].map(Pace::at), [16, 16, 4, 1, 1]);
         let mut fixed = Pace::new(Some(40));
         fixed.learn(16, 100.0);
-        assert_eq!(fixed.steps(), BATCH);
+        assert_eq!((fixed.call_steps(), fixed.steps()), (BATCH, BATCH));
     }
 }

@@ -7,7 +7,7 @@ use super::state::GpuBackend;
 use super::submission::Task;
 use super::uniform;
 use crate::Result;
-use crate::backend::{Backend as _, Costs, Probe, StepRequest};
+use crate::backend::{Costs, Probe, StepRequest};
 use crate::model::AdamState;
 
 /// Kernels that only probes need.
@@ -16,7 +16,7 @@ const KERNELS: [KernelId; 2] = [KernelId::PrepareProbes, KernelId::ProbeCosts];
 /// Floats of the costs of a splat, in the order of `shaders/probe_costs.wgsl`.
 const COSTS: usize = 22;
 
-/// Takes probes, as many at a time as steps.
+/// Takes probes, as many at a time as steps in a submission: a probe has the size of a photo.
 ///
 /// # Errors
 /// Those of the probes, and of the device.
@@ -40,7 +40,7 @@ fn run(
     n: usize,
 ) -> Result<Vec<Costs>> {
     loop {
-        let batch: Vec<Probe> = probes.take(backend.batch_steps()).collect::<Result<_>>()?;
+        let batch: Vec<Probe> = probes.take(backend.pace.steps()).collect::<Result<_>>()?;
         if batch.is_empty() {
             break;
         }

@@ -26,8 +26,8 @@ impl GpuDevice {
         let staging = self.staging("read-back", bytes)?;
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, bytes);
-        self.submit(encoder);
-        self.staged(&staging, count)
+        let index = self.submit(encoder);
+        self.staged(&staging, count, index)
     }
 
     /// A buffer that the device copies to and the host reads.
@@ -43,7 +43,7 @@ impl GpuDevice {
         })
     }
 
-    /// Waits until a staging buffer has been written and reads it.
+    /// Waits for the submission that writes a staging buffer, not for later ones, and reads the buffer.
     ///
     /// # Errors
     /// As [`GpuDevice::read`].
@@ -51,8 +51,11 @@ impl GpuDevice {
         &self,
         staging: &wgpu::Buffer,
         count: usize,
+        written_by: wgpu::SubmissionIndex,
     ) -> Result<Vec<T>> {
-        let values = self.staged(staging, count);
+        // The end of a refused submission never comes.
+        self.check()?;
+        let values = self.staged(staging, count, written_by);
         self.check()?;
         values
     }
@@ -74,9 +77,9 @@ impl GpuDevice {
             encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, bytes);
             stagings.push((staging, bytes));
         }
-        self.submit(encoder);
+        let index = self.submit(encoder);
         let outcomes: Vec<_> = stagings.iter().map(|(staging, bytes)| map(staging, *bytes)).collect();
-        self.wait()?;
+        self.wait_for(index)?;
         outcomes
             .iter()
             .zip(&stagings)
@@ -84,20 +87,28 @@ impl GpuDevice {
             .collect()
     }
 
-    fn staged<T: bytemuck::Pod>(&self, staging: &wgpu::Buffer, count: usize) -> Result<Vec<T>> {
+    fn staged<T: bytemuck::Pod>(
+        &self,
+        staging: &wgpu::Buffer,
+        count: usize,
+        written_by: wgpu::SubmissionIndex,
+    ) -> Result<Vec<T>> {
         let bytes = (count * size_of::<T>()) as u64;
         let outcome = map(staging, bytes);
-        self.wait()?;
+        self.wait_for(written_by)?;
         self.mapped(&outcome, staging, bytes)
     }
 
-    /// Waits for all submitted work.
-    fn wait(&self) -> Result<()> {
+    /// Waits for a submission, and so for those before it.
+    ///
+    /// # Errors
+    /// [`crate::Error::Device`] if the device was lost, or the submission was refused.
+    pub(super) fn wait_for(&self, submission: wgpu::SubmissionIndex) -> Result<()> {
         self.count(|work| &work.waits);
-        self.device
-            .poll(wgpu::PollType::wait_indefinitely())
-            .map_err(|e| self.error(&format!("waiting for the device failed: {e}")))?;
-        self.check_alive()
+        let poll = wgpu::PollType::Wait { submission_index: Some(submission), timeout: None };
+        let outcome = self.device.poll(poll);
+        self.check_alive()?;
+        outcome.map(drop).map_err(|e| self.error(&format!("waiting for the device failed: {e}")))
     }
 
     /// The contents of a staging buffer that [`map`] has mapped.

@@ -2,8 +2,8 @@
 //! they need from the host.
 //!
 //! Order within a step: `project`, [`visible_list`], `flush_texel`, [`depth_sort`], [`pair_slots`], [`tile_lists`]. `project` and
-//! `visible_sums` take their workgroup counts from [`first_args`], which the host writes once per submission. The latter sets
-//! the counts of all later dispatches, or zeroes all counts if the pairs do not fit.
+//! `visible_sums` take their workgroup counts from [`first_args`], which the host writes where no submission is under
+//! way. The latter sets the counts of all later dispatches, or zeroes all counts if the pairs do not fit.
 //!
 //! A pass of the sort takes two dispatches: the kernels that emit keys count their lowest digits, and each pass counts those
 //! of the next.
@@ -76,7 +76,7 @@ pub(super) fn scan_groups(keys: u32) -> u32 {
     if keys.div_ceil(BLOCK) > LANE_BLOCKS { 1 << DIGIT_BITS } else { 1 }
 }
 
-/// The table of indirect dispatches at the start of a submission: all counts that depend on the view are zero.
+/// The table of indirect dispatches before the first step: all counts that depend on the view are zero.
 pub(super) fn first_args(num_splats: u32) -> Vec<DispatchArgs> {
     let mut args = vec![DispatchArgs::default(); NUM_GROUPS as usize];
     args[Groups::One as usize] = folded_groups(1);

@@ -3,6 +3,7 @@
 use super::device::{GpuDevice, Pipeline, UNIFORM_STRIDE};
 use super::encode::{Dispatch, encode};
 use super::form::{Form, GpuOptions};
+use super::in_flight::{InFlight, MOST_IN_FLIGHT};
 use super::kernels::{Buf, Groups, KernelId, NUM_GROUPS, RasterKernels};
 use super::layout::{DispatchArgs, FLAG_ALL_MAPS, FLAG_PERSIST, Status, StepUniform};
 use super::pace::{BATCH, Pace};
@@ -14,16 +15,8 @@ use super::uniform::{self, UniformInputs};
 use super::view_buffers::{Capacity, MOST_ROUNDS};
 use crate::Result;
 use crate::camera::Similarity;
-use crate::model::{AdamState, Filter, LearningRates, Model, SplatArrays, TexturePool};
-use std::collections::BTreeMap;
-
-/// A submitted step whose status has not been read.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct PendingStep {
-    pub(super) step: u32,
-    pub(super) rates: LearningRates,
-    pub(super) counts_in_window: bool,
-}
+use crate::model::{AdamState, Filter, Model, SplatArrays, TexturePool};
+use std::collections::{BTreeMap, VecDeque};
 
 /// Renders and trains through wgpu.
 pub struct GpuBackend {
@@ -42,10 +35,11 @@ pub struct GpuBackend {
     pub(super) window_views: u32,
     pub(super) timer: Option<Timer>,
     pub(super) pace: Pace,
-    /// Submitted steps whose status has not been read.
-    pub(super) in_flight: Vec<PendingStep>,
-    /// Receives the status of a submission. One is enough: it is read before the next submission.
-    pub(super) staging: wgpu::Buffer,
+    /// Submissions of steps whose statuses have not been read, the oldest first. They are empty between calls, unless reading
+    /// failed.
+    pub(super) in_flight: VecDeque<InFlight>,
+    /// Receive the statuses of a submission, one for each part of the ring.
+    pub(super) staging: [wgpu::Buffer; MOST_IN_FLIGHT],
 }
 
 impl GpuBackend {
@@ -65,7 +59,9 @@ impl GpuBackend {
             let at = i as u64 * UNIFORM_STRIDE;
             device.queue.write_buffer(resources.sort_passes(), at, bytemuck::bytes_of(pass));
         }
-        resources.set(Buf::Status, device.buffer("status", BATCH as u64, size_of::<Status>() as u64)?);
+        let slots = (MOST_IN_FLIGHT * BATCH) as u64;
+        resources.set(Buf::Status, device.buffer("status", slots, size_of::<Status>() as u64)?);
+        let staging = || device.staging("status", (BATCH * size_of::<Status>()) as u64);
         let args_bytes = size_of::<DispatchArgs>() as u64;
         resources.set(Buf::Args, device.buffer("dispatches", u64::from(NUM_GROUPS), args_bytes)?);
         let shape = Model {
@@ -79,8 +75,8 @@ impl GpuBackend {
         Ok(Self {
             timer,
             pace: Pace::new(options.batch_steps),
-            in_flight: Vec::new(),
-            staging: device.staging("status", (BATCH * size_of::<Status>()) as u64)?,
+            in_flight: VecDeque::new(),
+            staging: [staging()?, staging()?],
             raster,
             form,
             device,
@@ -153,16 +149,25 @@ impl GpuBackend {
         }
     }
 
-    /// Prepares a submission: writes the host's part of the dispatch table and clears the status ring.
+    /// Prepares a submission that uses the first part of the status ring: writes the host's part of the dispatch table and
+    /// clears the statuses.
     pub(super) fn arm(&self) {
         let n = self.shape.num_splats() as u32;
         let args = sort::first_args(n);
         self.device.queue.write_buffer(self.resources.buffer(Buf::Args), 0, bytemuck::cast_slice(&args));
-        let status = [Status::default(); BATCH];
-        self.device.queue.write_buffer(self.resources.buffer(Buf::Status), 0, bytemuck::cast_slice(&status));
+        self.clear_statuses(0);
     }
 
-    /// Writes an entry of the uniform ring.
+    /// Clears a part of the status ring.
+    pub(super) fn clear_statuses(&self, part: usize) {
+        let statuses = [Status::default(); BATCH];
+        let at = (part * size_of_val(&statuses)) as u64;
+        let buffer = self.resources.buffer(Buf::Status);
+        self.device.queue.write_buffer(buffer, at, bytemuck::cast_slice(&statuses));
+    }
+
+    /// Writes an entry of the uniform ring. The queue writes in the order of submissions: those under way have read what an
+    /// entry held before.
     pub(super) fn set_uniform(&self, slot: usize, values: &StepUniform) -> UniformOffsets {
         let at = slot as u64 * UNIFORM_STRIDE;
         self.device.queue.write_buffer(self.resources.steps(), at, bytemuck::bytes_of(values));

@@ -1,20 +1,20 @@
-//! Submissions: the dispatches of steps and images, the buffer capacity that they need, and the evaluation of
-//! their status. `backend` decides what to submit, and repeats what did not fit.
+//! What a submission consists of: the dispatches of steps and images, the buffer capacity that they need, and the reports made
+//! of statuses. `queue` submits them, and repeats what did not fit.
 
 use super::encode::Dispatch;
-use super::kernels::{Buf, KernelId};
+use super::in_flight::KernelTimes;
+use super::kernels::KernelId;
 use super::layout::{FLAG_COUNT_ATOMICS, FLAG_UNSEEN, MAX_SIDE_PX, Status, StepUniform};
 use super::limits;
 use super::pace::BATCH;
 use super::resources::UniformOffsets;
 use super::sort;
-use super::state::{GpuBackend, PendingStep};
+use super::state::GpuBackend;
 use super::uniform::{self, UniformInputs};
 use super::view_buffers::{MOST_ROUNDS, RequiredCapacity};
 use crate::backend::{ColourSums, LossValues, RasterCounters, StepReport, StepRequest};
 use crate::camera::Camera;
 use crate::{Error, Result};
-use std::time::{Duration, Instant};
 
 /// Initial pair capacity per splat.
 const PAIRS_PER_SPLAT: u64 = 8;
@@ -193,74 +193,18 @@ impl GpuBackend {
         }
     }
 
-    /// Runs requests as submissions, which grow the buffers where pairs do not fit. Returns a report for each.
-    pub(super) fn run(&mut self, task: Task, requests: &[StepRequest<'_>]) -> Result<Vec<StepReport>> {
-        self.check()?;
-        requests.iter().try_for_each(check_request)?;
-        if requests.iter().any(|r| r.loss.needs_geometry()) {
-            self.compile_geometry(true)?;
-        }
-        let mut reports = Vec::new();
-        while reports.len() < requests.len() {
-            match self.run_some(task, &requests[reports.len()..]) {
-                Ok(some) => reports.extend(some),
-                // Training steps before it count.
-                Err(Error::DeviceFull(_)) if task == Task::Train && !reports.is_empty() => break,
-                Err(error) => return Err(error),
-            }
-        }
-        Ok(reports)
-    }
-
-    /// Runs the first of these requests as one submission, and grows the buffers if pairs do not fit. Returns a report for each
-    /// that was carried out.
-    fn run_some(&mut self, task: Task, requests: &[StepRequest<'_>]) -> Result<Vec<StepReport>> {
-        let some = &requests[..requests.len().min(self.pace.steps())];
-        let photos: Vec<_> = some.iter().map(|r| (r.photo, r.target)).collect();
-        let fitting = self.photos.prepare(&self.device, &mut self.resources, &photos)?;
-        let batch = &some[..fitting];
-        let statistics = batch.iter().any(|r| r.accumulate_statistics);
-        let needs = RequiredCapacity {
-            geometry: batch.iter().any(|r| r.loss.needs_geometry()),
-            ..self.needs(batch.iter().map(|r| r.camera), true, statistics)
-        };
-        self.capacity.ensure(&self.device, &mut self.resources, &needs)?;
-        let mut reports = Vec::new();
-        for (request, (status, stages)) in batch.iter().zip(self.submit_steps(task, batch)?) {
-            if status.done == 1 {
-                reports.push(self.report(request, &status, stages));
-            } else {
-                match self.grow_pairs(&status, &needs) {
-                    // The next call meets it again.
-                    Err(Error::DeviceFull(_)) if !reports.is_empty() => {}
-                    grown => grown?,
-                }
-            }
-        }
-        Ok(reports)
-    }
-
-    /// Runs steps as one submission. Returns the status and times of the applied steps, and of the first that was
-    /// not applied.
-    ///
-    /// The host encodes a batch only after reading the status of the one before: the trait passes one batch at a
-    /// time and expects its reports. To overlap encoding and execution, requests would have to arrive before the
-    /// reports of earlier ones are returned.
-    fn submit_steps(
-        &mut self,
+    /// The dispatches of a submission, and where those of each request end. Writes their uniforms.
+    pub(super) fn batch_dispatches(
+        &self,
         task: Task,
-        requests: &[StepRequest<'_>],
-    ) -> Result<Vec<(Status, KernelTimes)>> {
-        let start = Instant::now();
-        let photos: Vec<_> = requests.iter().map(|r| (r.photo, r.target)).collect();
-        let photos_px = self.photos.place(&self.device, &self.resources, &photos)?;
-        self.arm();
-        let mut dispatches = Vec::new();
-        let mut ends = Vec::new();
-        let mut inputs = self.uniform_inputs();
-        inputs.pair_capacity = self.capacity.training_pairs as u32;
-        for (slot, (request, photo_px)) in requests.iter().zip(photos_px).enumerate() {
-            let mut uniform = uniform::step(&inputs, request, photo_px, slot as u32);
+        batch: &[StepRequest<'_>],
+        photos_px: &[u32],
+        part: usize,
+        mut inputs: UniformInputs,
+    ) -> (Vec<Dispatch>, Vec<usize>) {
+        let (mut dispatches, mut ends) = (Vec::new(), Vec::new());
+        for (slot, (request, &photo_px)) in batch.iter().zip(photos_px).enumerate() {
+            let mut uniform = uniform::step(&inputs, request, photo_px, (part * BATCH + slot) as u32);
             match task {
                 Task::Train => {
                     uniform.flags |= if slot > 0 { FLAG_UNSEEN } else { 0 };
@@ -278,50 +222,9 @@ impl GpuBackend {
             }
         }
         if task == Task::Train {
-            dispatches.push(self.end_dispatch(&inputs, requests));
+            dispatches.push(self.end_dispatch(&inputs, batch));
         }
-        let pending = |r: &StepRequest<'_>| PendingStep {
-            step: r.step,
-            rates: r.rates,
-            counts_in_window: r.accumulate_statistics,
-        };
-        self.in_flight = requests.iter().filter(|_| task != Task::Compare).map(pending).collect();
-        let statuses = self.submit_for_status(&dispatches, requests.len())?;
-        let applied = self.count_applied(&statuses);
-        let times = match &self.timer {
-            Some(timer) => timer.read(&self.device, dispatches.len())?,
-            None => Vec::new(),
-        };
-        let stages = (0..requests.len()).map(|k| {
-            let range = ends[..k].last().copied().unwrap_or(0)..ends[k];
-            times_by_kernel(&dispatches[range.clone()], times.get(range).unwrap_or_default())
-        });
-        // The time of a batch that was cut short does not predict that of a whole one.
-        if task == Task::Train && applied == requests.len() {
-            self.pace.learn(applied, start.elapsed().as_secs_f64());
-        }
-        Ok(statuses.into_iter().zip(stages).take(applied + 1).collect())
-    }
-
-    /// Updates the clock to the steps of the last submission that were applied, and returns their number.
-    pub(super) fn count_applied(&mut self, statuses: &[Status]) -> usize {
-        let applied = statuses.iter().take_while(|s| s.done == 1).count();
-        let pending = std::mem::take(&mut self.in_flight);
-        let steps = &pending[..applied.min(pending.len())];
-        if let Some(last) = steps.last() {
-            (self.clock.step, self.clock.rates) = (last.step, last.rates);
-        }
-        self.window_views += steps.iter().filter(|p| p.counts_in_window).count() as u32;
-        applied
-    }
-
-    /// Submits dispatches and a copy of the first `count` statuses, and waits for them.
-    pub(super) fn submit_for_status(&mut self, dispatches: &[Dispatch], count: usize) -> Result<Vec<Status>> {
-        let mut encoder = self.encoded(dispatches);
-        let bytes = (count * size_of::<Status>()) as u64;
-        encoder.copy_buffer_to_buffer(self.resources.buffer(Buf::Status), 0, &self.staging, 0, bytes);
-        self.device.submit(encoder);
-        self.device.read_staged(&self.staging, count)
+        (dispatches, ends)
     }
 
     /// Whether a step runs the kernel variant that counts atomics.
@@ -361,21 +264,6 @@ impl GpuBackend {
         let colour_sums = request.exposure.map(|_| ColourSums(std::array::from_fn(|k| sums[k].into())));
         StepReport { loss, counters, non_finite_gradients: s.faults.into(), colour_sums, stages }
     }
-}
-
-/// Time by kernel, in the order of their first dispatch.
-pub(super) type KernelTimes = Vec<(&'static str, Duration)>;
-
-fn times_by_kernel(dispatches: &[Dispatch], times: &[Duration]) -> KernelTimes {
-    let mut out: KernelTimes = Vec::new();
-    for (dispatch, time) in dispatches.iter().zip(times) {
-        let name = dispatch.kernel.kernel().name;
-        match out.iter_mut().find(|(n, _)| *n == name) {
-            Some((_, sum)) => *sum += *time,
-            None => out.push((name, *time)),
-        }
-    }
-    out
 }
 
 pub(super) fn check_camera(camera: &Camera) -> Result<()> {

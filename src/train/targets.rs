@@ -10,6 +10,9 @@ use std::sync::Arc;
 /// Memory for reduced photos, unless the user allows less for photos.
 const KEPT_BYTES: u64 = 1 << 30;
 
+/// Steps of a batch whose photos are not all kept: the batch holds them besides.
+const HELD_PHOTOS: usize = 16;
+
 /// The photos of one stage.
 pub(super) struct Targets {
     /// Render scale of the stage.
@@ -39,6 +42,13 @@ impl Targets {
         self.stage * self.kept.len() as u32 + view as u32
     }
 
+    /// Steps of a batch, at most `preferred` and no more than there is memory for their photos.
+    pub fn batch_steps(&self, views: &dyn ViewSource, preferred: usize) -> usize {
+        let reduced_bytes = || (0..self.kept.len()).map(|view| self.bytes_at_most(views, view)).sum::<u64>();
+        let keeps_all = views.keeps_all() && (self.scale <= 1.0 || reduced_bytes() <= self.most_bytes(views));
+        preferred.clamp(1, if keeps_all { usize::MAX } else { HELD_PHOTOS })
+    }
+
     /// The camera of a view at the stage's size.
     pub fn camera(&self, views: &dyn ViewSource, view: usize) -> Camera {
         let camera = views.camera(view);
@@ -54,8 +64,7 @@ impl Targets {
         missing.dedup();
         let mut room = self.most_bytes(views).saturating_sub(self.kept_bytes);
         missing.retain(|&view| {
-            // Colours and a mask.
-            let bytes = 4 * self.camera(views, view).pinhole.num_pixels() as u64;
+            let bytes = self.bytes_at_most(views, view);
             let fits = bytes <= room;
             room -= if fits { bytes } else { 0 };
             fits
@@ -96,6 +105,11 @@ impl Targets {
         }
     }
 
+    /// Bytes of a reduced photo with a mask or transparency.
+    fn bytes_at_most(&self, views: &dyn ViewSource, view: usize) -> u64 {
+        4 * self.camera(views, view).pinhole.num_pixels() as u64
+    }
+
     fn most_bytes(&self, views: &dyn ViewSource) -> u64 {
         KEPT_BYTES.min(views.cache_limit_bytes())
     }
@@ -115,6 +129,8 @@ fn reduced(pinhole: &Pinhole, scale: f64) -> Pinhole {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::selftest::{SceneOptions, random_scene};
+    use crate::views::{Split, TestViews};
 
     #[test]
     fn cameras_of_reduced_photos_have_the_same_field_of_view() {
@@ -122,6 +138,54 @@ mod tests {
         let small = reduced(&pinhole, 2.0);
         assert_eq!((small.width_px, small.height_px), (4, 3));
         assert!((small.fx_px / 4.0 - pinhole.fx_px / 9.0).abs() < 1e-12);
+    }
+
+    /// Views of 100 x 10 pixels in a cache.
+    struct Cached {
+        views: TestViews,
+        keeps_all: bool,
+        limit_bytes: u64,
+    }
+
+    impl ViewSource for Cached {
+        fn num_views(&self) -> usize {
+            self.views.num_views()
+        }
+        fn name(&self, view: usize) -> &str {
+            self.views.name(view)
+        }
+        fn split(&self, view: usize) -> Split {
+            self.views.split(view)
+        }
+        fn camera(&self, view: usize) -> Camera {
+            self.views.camera(view)
+        }
+        fn target(&self, view: usize) -> Result<Arc<TargetImage>> {
+            self.views.target(view)
+        }
+        fn cache_limit_bytes(&self) -> u64 {
+            self.limit_bytes
+        }
+        fn keeps_all(&self) -> bool {
+            self.keeps_all
+        }
+    }
+
+    #[test]
+    fn long_batches_hold_no_photos_besides_those_that_are_kept() {
+        let camera = random_scene(&SceneOptions { num_splats: 1, ..SceneOptions::default() }).camera;
+        let photo = Arc::new(TargetImage::opaque(100, 10, vec![0; 3000]));
+        let views = vec![("a", camera.resized(100, 10), photo); 40];
+        let mut views =
+            Cached { views: TestViews(Split::Train, views), keeps_all: true, limit_bytes: 40_000 };
+        // Reduced by 2 on each side, 40 photos take up to 40,000 bytes.
+        let steps = |views: &Cached| [1.0, 2.0].map(|s| Targets::new(40, s).batch_steps(views, 64));
+        assert_eq!(steps(&views), [64, 64]);
+        views.limit_bytes -= 1;
+        assert_eq!(steps(&views), [64, 16]);
+        views.keeps_all = false;
+        assert_eq!(steps(&views), [16, 16]);
+        assert_eq!([0, 3].map(|preferred| Targets::new(40, 1.0).batch_steps(&views, preferred)), [1, 3]);
     }
 
     #[test]

@@ -25,7 +25,7 @@ impl Trainer<'_> {
     pub(super) fn plan_batch(&mut self) -> Result<Vec<PlannedStep>> {
         let first = self.state.step + 1;
         let mut order = ViewOrder::after(&self.state, self.config.seed, &self.train_views);
-        let mut wanted = self.backend.batch_steps().max(1);
+        let mut wanted = self.targets.batch_steps(self.views, self.backend.batch_steps());
         if self.config.exposure == Exposure::Affine {
             // Exposures change between epochs.
             wanted = wanted.min(order.left_in_epoch());

@@ -119,7 +119,8 @@ impl Round {
     ) -> Result<()> {
         let steps: Vec<(u32, usize)> =
             (done + 1..=done + trial.steps).zip(order.iter().copied().cycle()).collect();
-        for batch in steps.chunks(backend.batch_steps().max(1)) {
+        let batch_steps = training.targets.batch_steps(training.views, backend.batch_steps());
+        for batch in steps.chunks(batch_steps) {
             let photos: Vec<Arc<TargetImage>> = batch
                 .iter()
                 .map(|&(_, view)| training.targets.get(training.views, view))
