@@ -73,7 +73,7 @@ pub struct RateConfig {
     /// Largest factor by which a map learns faster. Default 4 (lambda_max, there too; method 4.2).
     pub texel_growth_limit: f32,
     /// Power of the missing length by which rates are higher in runs shorter than the published 30,000 steps, see
-    /// [`Schedule::rates`](super::Schedule::rates). Default 1 (method 4.2).
+    /// [`Schedule::rates`](super::Schedule::rates). Default 0.8 (method 4.2).
     pub raise: f64,
     /// Factor to which all rates fall in the last third of a run. Default 0.1 (method 4.2).
     pub fall: f64,
@@ -100,7 +100,7 @@ impl Default for RateConfig {
             texel: 7e-4,
             texel_growth: 0.5,
             texel_growth_limit: 4.0,
-            raise: 1.0,
+            raise: 0.8,
             fall: 0.1,
         }
     }

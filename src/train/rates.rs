@@ -78,9 +78,9 @@ mod tests {
                 ratio(first.opacity, long.opacity),
             ]
         };
-        assert_eq!(raises(30_000 / 16, RateConfig::default()), [16.0, 8.0, 4.0]);
+        assert_eq!(raises(30_000 / 16, RateConfig::default()), [9.1896, 4.5948, 2.2974]);
         assert_eq!(raises(30_000 / 16, RateConfig::published()), [4.0, 2.0, 1.0]);
-        assert_eq!(raises(100, RateConfig::default()), [30.0, 12.8186, 5.4772]);
+        assert_eq!(raises(100, RateConfig::default()), [15.1949, 6.4926, 2.7742]);
         let [_, middle, last] = rates(3_000, RateConfig::default());
         assert_eq!([ratio(last.opacity, middle.opacity), ratio(last.texel, middle.texel)], [0.1002; 2]);
     }
