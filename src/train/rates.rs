@@ -4,9 +4,9 @@ use super::config::TrainConfig;
 use super::schedule::{PUBLISHED_STEPS, Schedule};
 use crate::backend::LearningRates;
 
-/// Most times that a run may be shorter than the published one for its rates: runs below 1,000 steps have those of 1,000 (measured at 300
+/// Most times that a run may be shorter than the published one for its rates: runs below 470 steps have those of 470 (measured at 300
 /// steps: lab/choices.md 28).
-const MOST_MISSING: f64 = 30.0;
+const MOST_MISSING: f64 = 64.0;
 
 /// Share of a run after which rates fall.
 const FALL_START: f64 = 2.0 / 3.0;
@@ -80,7 +80,7 @@ mod tests {
         };
         assert_eq!(raises(30_000 / 16, RateConfig::default()), [9.1896, 4.5948, 2.2974]);
         assert_eq!(raises(30_000 / 16, RateConfig::published()), [4.0, 2.0, 1.0]);
-        assert_eq!(raises(100, RateConfig::default()), [15.1949, 6.4926, 2.7742]);
+        assert_eq!(raises(100, RateConfig::default()), [27.8576, 9.8492, 3.4822]);
         let [_, middle, last] = rates(3_000, RateConfig::default());
         assert_eq!([ratio(last.opacity, middle.opacity), ratio(last.texel, middle.texel)], [0.1002; 2]);
     }
