@@ -29,6 +29,9 @@ mod probing;
 mod reading;
 mod resources;
 mod saved;
+mod segments;
+#[cfg(test)]
+mod segments_tests;
 mod shader;
 #[cfg(test)]
 mod shader_tests;
