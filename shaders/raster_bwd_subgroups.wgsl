@@ -1,6 +1,6 @@
 // What raster_bwd computes, by the invocations of subgroups together (twin: reference/raster_bwd.rs; method 2.4): for hardware
 // all of whose subgroups have the same size.
-// Workgroup: a tile. Invocation: a pixel, then a sum.
+// Workgroup: a segment of a tile's pairs; with GEOMETRY a tile. Invocation: a pixel, then a sum.
 //
 // Splats come in batches. Each patch of 8 x 4 pixels visits those whose boxes touch it, back to front; SUM_LANES of its pixels
 // sum each quantity by exchanges between lanes, and store the sums in workgroup memory. Then the sums of all lanes are added in a
@@ -24,13 +24,14 @@
 #include common/texel_grad
 #include common/pair_sums
 #include common/replay
+#include common/segments
 #include common/tile_pairs
 #include common/lane_sums
 #include common/texel_sums
 #include common/visits
 
 @group(0) @binding(1) var<storage, read> projected: array<Projected>; // [n]
-@group(0) @binding(2) var<storage, read> pairs: array<u32>; // [3, pair_capacity] by tile, front to back
+@group(0) @binding(2) var<storage, read> pairs: array<u32>; // [pair_capacity] by tile, front to back; states of pixels
 @group(0) @binding(3) var<storage, read> tile_ranges: array<vec2u>; // [tiles] of pairs
 @group(0) @binding(4) var<storage, read> texel_values: array<vec4f>; // [T] residual rgb
 #if GEOMETRY
@@ -80,6 +81,14 @@ struct Visitor {
     // The place of its lanes' sums.
     part: u32,
     loss: f32,
+}
+
+// Puts a pixel into its state at the boundary before a pair, behind which it has blended others. Not with GEOMETRY.
+fn begin_at(replay: ptr<function, Replay>, boundary: u32, lane: u32) {
+    let there = load_state(boundary, lane);
+    (*replay).behind = dot((*replay).by_rgb, there.rgb);
+    (*replay).transmittance = there.a;
+    (*replay).end = boundary;
 }
 
 // The splat of a batch whose pair is `index`, for the lanes of a patch. Not `summed`: only the state of the pixels goes on.
@@ -148,18 +157,18 @@ fn raster_bwd_subgroups(
 ) {
     // By subgroups: which invocations form one is up to the device.
     let lane = subgroup * subgroup_size + subgroup_lane;
-    let tile = group_index(group, groups);
-    if tile >= step.grid.x * step.grid.y {
-        return;
-    }
-    let range = tile_ranges[tile];
-    let summed_range = summed_pairs(range);
+    // Backwards, so that the segments of long tiles are begun first.
+    let segment = segment_of(groups.x * groups.y - 1u - group_index(group, groups));
+    let summed_range = summed_pairs(segment.range);
     if summed_range.x >= summed_range.y {
         return;
     }
-    let origin_px = tile_origin_px(tile);
+    let origin_px = tile_origin_px(segment.tile);
     let pixel = origin_px + pixel_in_tile(lane);
-    var replay = replay_at(pixel, range.x);
+    var replay = replay_at(pixel, segment.tile_first);
+    if replay.end > segment.range.y {
+        begin_at(&replay, segment.range.y, lane);
+    }
     var visitor = Visitor(pixel, subgroup_lane, lane / SUM_LANES, 0.0);
 #if STATISTICS
     if all(pixel < step.size_px) {
@@ -170,7 +179,7 @@ fn raster_bwd_subgroups(
         atomicStore(&visits[lane], 0u);
     }
     // The batches end where the summed pairs do.
-    var past = used_pairs(summed_range, range.x, replay.end, lane);
+    var past = used_pairs(summed_range, segment.range.x, replay.end, lane);
     var first_visits = 0u;
     while past > summed_range.x {
         let summed = past <= summed_range.y;

@@ -1,10 +1,11 @@
 // Forward rasterisation: blends the splats of a tile front to back (twin: reference/raster_fwd.rs; method 1.3,
 // 1.4, 2.1). In training steps it also stores the texel window of each pair for the backward pass, since it
-// reads the splats anyway.
+// reads the splats anyway; or for that by subgroups the states of pixels between segments of a tile's pairs.
 // Workgroup: a tile. Invocation: a pixel.
 //
 // BATCHED (hardware): splats are loaded through workgroup memory, and each patch of pixels passes over those whose boxes
 // miss it; software drivers are 30-45 % faster without workgroup memory (measured).
+// SEGMENTS: for the backward pass by subgroups; not with GEOMETRY, whose tiles are whole.
 // COUNT: counts evaluated, inside and blended pixel-splat pairs.
 // GEOMETRY: also sums depths and normals. Excludes COUNT: no binding is left.
 
@@ -16,11 +17,15 @@
 #include common/projected
 #include common/tile
 #include common/hit
+#if SEGMENTS
+#include common/keep_states
+#else
 #include common/texel_window
+#endif
 #include common/status
 
 @group(0) @binding(1) var<storage, read> projected: array<Projected>; // [n]
-@group(0) @binding(2) var<storage, read_write> pairs: array<u32>; // [3, pair_capacity] by tile, front to back
+@group(0) @binding(2) var<storage, read_write> pairs: array<u32>; // [pair_capacity] by tile, front to back; windows, or states of pixels
 @group(0) @binding(3) var<storage, read> tile_ranges: array<vec2u>; // [tiles] of pairs
 @group(0) @binding(4) var<storage, read> texel_values: array<vec4f>; // [T] residual rgb
 @group(0) @binding(5) var<storage, read_write> pixels: array<vec4f>; // [P] rgb over background, transmittance
@@ -51,6 +56,11 @@ struct Pixel {
     normal_depth: vec4f,
     moments: vec2f,
 #endif
+#if SEGMENTS
+    // The last boundary passed, and the colour since then.
+    boundary: u32,
+    segment_rgb: vec3f,
+#endif
 }
 
 fn blend(state: ptr<function, Pixel>, s: Projected, index: u32, pixel: vec2u) {
@@ -76,6 +86,9 @@ fn blend(state: ptr<function, Pixel>, s: Projected, index: u32, pixel: vec2u) {
         colour = max(colour + residual(s, taps).value, vec3f(0.0));
     }
     (*state).rgb += colour * (alpha * before);
+#if SEGMENTS
+    (*state).segment_rgb += colour * (alpha * before);
+#endif
 #if GEOMETRY
     let weight = alpha * before;
     let m = s.near_over_depth * hit.denominator;
@@ -89,11 +102,14 @@ fn blend(state: ptr<function, Pixel>, s: Projected, index: u32, pixel: vec2u) {
 
 // Stores the texel window of a pair, in training steps.
 fn store_window(s: Projected, index: u32, origin_px: vec2u) {
+#if SEGMENTS
+#else
     if step.step > 0u {
         let window = texel_window(s, origin_px);
         pairs[window_first_at(index)] = pack_px(vec2i(window.first));
         pairs[window_past_at(index)] = pack_px(vec2i(window.past));
     }
+#endif
 }
 
 #if BATCHED
@@ -120,6 +136,10 @@ fn raster_tile(state: ptr<function, Pixel>, range: vec2u, origin_px: vec2u, pixe
         was_done = true;
     }
     for (var first = range.x; first < range.y; first += BATCH) {
+#if SEGMENTS
+        // Segments are whole batches.
+        keep_state(state, first, range.x, lane);
+#endif
         let count = min(BATCH, range.y - first);
         if lane < count {
             let s = projected[pairs[first + lane]];
@@ -164,6 +184,9 @@ fn raster_tile(state: ptr<function, Pixel>, range: vec2u, origin_px: vec2u, pixe
         store_window(projected[pairs[i]], i, origin_px);
     }
     for (var i = range.x; i < range.y && !(*state).done; i += 1u) {
+#if SEGMENTS
+        keep_state(state, i, range.x, lane);
+#endif
         blend(state, projected[pairs[i]], i, pixel);
     }
 }
@@ -183,11 +206,10 @@ fn raster_fwd(
     let pixel = origin_px + pixel_in_tile(lane);
     let in_image = all(pixel < step.size_px);
     let range = tile_ranges[tile];
-#if GEOMETRY
-    var state = Pixel(vec3f(0.0), 1.0, range.x, !in_image, 0u, 0u, 0u, vec4f(0.0), vec2f(0.0));
-#else
-    var state = Pixel(vec3f(0.0), 1.0, range.x, !in_image, 0u, 0u, 0u);
-#endif
+    var state = Pixel();
+    state.transmittance = 1.0;
+    state.end = range.x;
+    state.done = !in_image;
     raster_tile(&state, range, origin_px, pixel, lane);
     if in_image {
         let at = pixel.y * step.size_px.x + pixel.x;
@@ -197,6 +219,9 @@ fn raster_fwd(
 #if GEOMETRY
         geometry[2u * at] = state.normal_depth;
         geometry[2u * at + 1u] = vec4f(state.moments, 0.0, 0.0);
+#endif
+#if SEGMENTS
+        turn_states(state, range.x, lane);
 #endif
     }
 #if COUNT

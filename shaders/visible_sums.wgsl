@@ -70,6 +70,7 @@ fn visible_sums(@builtin(local_invocation_index) lane: u32) {
     set_groups(GROUPS_VISIBLE_DIGITS, scan_groups(num_visible));
     set_groups(GROUPS_PAIR_DIGITS, scan_groups(pairs));
     set_groups(GROUPS_TILES, num_tiles);
+    set_groups(GROUPS_SEGMENTS, num_tiles + num_boundaries(pairs));
     set_groups(GROUPS_LOSS_TILES, num_loss_tiles());
     set_groups(GROUPS_PAIRS_AND_TILES, invocations(max(pairs, num_tiles)));
     set_groups(GROUPS_PAIR_BLOCKS, blocks_of(pairs));
@@ -79,6 +80,14 @@ fn visible_sums(@builtin(local_invocation_index) lane: u32) {
 // Workgroups that provide `count` invocations.
 fn invocations(count: u32) -> u32 {
     return (count + (GROUP - 1u)) / GROUP;
+}
+
+// Most boundaries between segments that tiles with this number of pairs in total can have: the highest number of one.
+fn num_boundaries(pairs: u32) -> u32 {
+    if step.segment_pairs == 0u {
+        return 0u;
+    }
+    return (max(pairs, 1u) - 1u) / step.segment_pairs;
 }
 
 fn set_groups(entry: u32, groups: u32) {

@@ -119,16 +119,88 @@ fn sums_by_subgroups_match_the_reference_and_repeat() {
     assert!(num_compared > 0 || !required, "no driver has subgroups of one size");
 }
 
+/// Scenes with tiles of hundreds of pairs: translucent, so that pixels blend pairs of all segments, and opaque, so that they end in
+/// an earlier one, in many tiles all of them.
+fn long_tiles() -> [RandomScene; 2] {
+    [(0.006, 0.03), (0.05, 0.4)].map(|opacities| {
+        random_scene(&SceneOptions {
+            num_splats: 1_200,
+            width_px: 72,
+            height_px: 50,
+            scales: (0.1, 0.4),
+            opacities,
+            seed: 6,
+            ..SceneOptions::default()
+        })
+    })
+}
+
+/// Options for sums by subgroups, with segments of this number of pairs; `None`: the default.
+fn in_segments(lanes: u32, segment_pairs: Option<u32>) -> GpuOptions {
+    GpuOptions { sum_lanes: Some(lanes), segment_pairs, ..variant(true) }
+}
+
+#[test]
+fn segments_of_tiles_match_the_reference_and_repeat() {
+    let cases = long_tiles().map(|scene| {
+        let expected = reference(&scene, &NO_GEOMETRY);
+        (scene, expected)
+    });
+    let both = |backend: &mut GpuBackend, options: GpuOptions, order: [usize; 2]| {
+        backend.set_options(options).unwrap();
+        order.map(|at| observe(backend, &cases[at].0, &NO_GEOMETRY))
+    };
+    for mut backend in backends(variant(true)) {
+        let Some(lanes) = sum_lanes(&backend).first().copied() else { continue };
+        let whole = both(&mut backend, in_segments(lanes, Some(0)), [0, 1]);
+        let num_ended = whole.each_ref().map(|o| o.image.alpha.iter().filter(|a| **a > 0.999).count());
+        println!("{num_ended:?} of {} pixels end before the last pair", whole[0].image.alpha.len());
+        assert!(num_ended[0] == 0 && num_ended[1] * 2 > whole[1].image.alpha.len());
+        for segment_pairs in [64, 128] {
+            let options = in_segments(lanes, Some(segment_pairs));
+            for options in [options, GpuOptions { hardware_kernels: Some(false), ..options }] {
+                let got = both(&mut backend, options, [0, 1]);
+                for (at, (scene, expected)) in cases.iter().enumerate() {
+                    println!("{options:?}");
+                    assert!(agree(scene, &got[at], expected, TEXEL_RMS));
+                    assert_eq!(got[at].image, whole[at].image);
+                    assert!(got[at].splats != whole[at].splats, "they differ in their last bits");
+                }
+                // In the other order, so that each scene finds the states of the other one.
+                let again = both(&mut backend, options, [1, 0]);
+                assert!(again[1] == got[0] && again[0] == got[1], "the bytes repeat");
+            }
+        }
+    }
+}
+
+#[test]
+fn tiles_of_one_segment_are_the_same_bytes_as_whole_ones() {
+    let short = random_scene(&SceneOptions { num_splats: 250, ..scenes().swap_remove(0) });
+    for mut backend in backends(variant(true)) {
+        let Some(lanes) = sum_lanes(&backend).first().copied() else { continue };
+        let mut observed = |scene: &RandomScene, segment_pairs: Option<u32>| {
+            backend.set_options(in_segments(lanes, segment_pairs)).unwrap();
+            observe(&mut backend, scene, &NO_GEOMETRY)
+        };
+        // No tile has more pairs than the scene has splats.
+        assert!(observed(&short, None) == observed(&short, Some(0)));
+        let [long, _] = long_tiles();
+        assert!(observed(&long, None) != observed(&long, Some(0)), "negative control: longer tiles");
+    }
+}
+
 /// Buffers that hold the partial sums of 1,500 pairs, of 20 floats each.
 const SMALL: LimitChoice = LimitChoice::Buffers(120_000);
 
 #[test]
-fn sums_by_subgroups_in_several_rounds_are_the_same_bytes() {
+fn sums_by_subgroups_and_segments_in_several_rounds_are_the_same_bytes() {
     let options = SceneOptions {
         num_splats: 400,
         width_px: 64,
         height_px: 40,
         scales: (0.1, 0.5),
+        opacities: (0.02, 0.2),
         map_sizes: vec![(4, 4)],
         ..SceneOptions::default()
     };
@@ -137,10 +209,15 @@ fn sums_by_subgroups_in_several_rounds_are_the_same_bytes() {
     let [plenty, small] = [LimitChoice::Downlevel, SMALL].map(|limits| {
         let mut backend = open(&choice, limits, variant(true));
         let lanes = sum_lanes(&backend).pop();
-        backend.set_options(GpuOptions { sum_lanes: lanes, ..variant(true) }).unwrap();
-        observe(&mut backend, &scene, &NO_GEOMETRY)
+        [128, 0].map(|segment_pairs| {
+            let segment_pairs = Some(segment_pairs);
+            backend.set_options(GpuOptions { sum_lanes: lanes, segment_pairs, ..variant(true) }).unwrap();
+            observe(&mut backend, &scene, &NO_GEOMETRY)
+        })
     });
     assert!(small == plenty);
+    let [segments, plenty] = plenty;
+    assert!(segments != plenty, "negative control: whole tiles");
     let mut without = open(&choice, SMALL, GpuOptions { sum_lanes: Some(0), ..variant(true) });
     let other = observe(&mut without, &scene, &NO_GEOMETRY);
     assert!(other != plenty, "negative control: the other kernel");

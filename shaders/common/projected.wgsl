@@ -43,7 +43,8 @@ fn per_footprint(s: Projected) -> f32 {
 }
 
 // A pair of tile and splat, in the order of tiles and depth, has three entries in `pairs`, `pair_capacity` apart: the splat;
-// the window of texels that the tile can touch, the first row and column as row | col << 16; one past the last.
+// the window of texels that the tile can touch, the first row and column as row | col << 16; one past the last. For the backward
+// pass by subgroups, which needs no windows, only the first (common/segments).
 fn window_first_at(pair: u32) -> u32 {
     return step.pair_capacity + pair;
 }

@@ -77,8 +77,9 @@ struct Step {
     // The pairs whose partial sums the buffer holds, in the order of tiles: first and number.
     partial_first: u32,
     partial_capacity: u32,
-    pad0: u32,
-    pad1: u32,
+    // Pairs of a segment (common/segments); 0: tiles are whole.
+    segment_pairs: u32,
+    pad: u32,
 }
 
 // Flushed parameters are stored: a training step, not an image.

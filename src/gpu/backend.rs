@@ -27,8 +27,7 @@ impl Backend for GpuBackend {
     }
 
     fn limits(&self, shape: SceneShape) -> DeviceLimits {
-        let limits = limits::limits(self.device.most_buffer_bytes(), shape);
-        DeviceLimits { max_pairs: self.most_pairs(), ..limits }
+        limits::limits(self.device.most_buffer_bytes(), self.most_pairs(), shape)
     }
 
     fn upload(&mut self, model: &Model, adam: &AdamState) -> Result<()> {

@@ -3,7 +3,7 @@
 use super::adapter::Adapters;
 use super::device::{GpuDevice, LimitChoice};
 use super::kernels::KERNELS;
-use super::shader::{HALF_TILES, SUM_LANES};
+use super::shader::{HALF_TILES, SEGMENTS, SUM_LANES};
 use crate::Error;
 
 #[test]
@@ -23,6 +23,9 @@ fn every_kernel_compiles_within_the_minimum_limits() {
             }
         };
         tiles.iter().for_each(|flags| compile(false, flags));
+        for (id, kernel) in KERNELS.iter().filter(|(_, kernel)| kernel.name == "raster_fwd") {
+            device.pipelines(&[*id], &[SEGMENTS], true).unwrap_or_else(|e| panic!("{:?}: {e}", kernel.flags));
+        }
         let lanes = SUM_LANES.iter().filter(|(lanes, _)| *lanes <= device.subgroup_lanes());
         lanes.for_each(|(_, lanes)| tiles.iter().for_each(|flags| compile(true, &[flags, *lanes].concat())));
     }

@@ -6,14 +6,17 @@
 //! | other hardware | 16 x 16 pixels | through workgroup memory |
 //! | software | 16 x 8 pixels | through workgroup memory |
 //!
+//! By subgroups, tiles of many pairs are visited in segments ([`super::segments`]).
+//!
 //! Where subgroups have several sizes, the driver chooses one for each kernel: wgpu cannot require a size.
 
 use super::device::GpuDevice;
 use super::kernels::RasterKernels;
-use super::shader::{HALF_TILE_ROWS_PX, HALF_TILES, SUM_LANES, TILE_PX};
+use super::segments::{SEGMENT_PAIRS, SEGMENT_STEP, state_bytes_per_pair};
+use super::shader::{HALF_TILE_ROWS_PX, HALF_TILES, SEGMENTS, SUM_LANES, TILE_PX};
 use crate::Result;
 
-/// Options of a [`super::GpuBackend`]. Only `hardware_kernels` and `sum_lanes` change the results of a step, in
+/// Options of a [`super::GpuBackend`]. Only `hardware_kernels`, `sum_lanes` and `segment_pairs` change the results of a step, in
 /// their last bits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct GpuOptions {
@@ -28,6 +31,8 @@ pub struct GpuOptions {
     /// Lanes of a subgroup over which the backward pass sums: 4, 8, 16 or 32, at most those of the device's subgroups, which must
     /// all have one size; 0: without subgroups. `None`: on hardware whose subgroups have 16 or 32, these.
     pub sum_lanes: Option<u32>,
+    /// Pairs of a tile that the backward pass by subgroups visits by one workgroup, a multiple of 64; 0: all. `None`: 256. For tests.
+    pub segment_pairs: Option<u32>,
     /// Whether kernels are compiled without clamps of their indices. `None`: on hardware with Vulkan, whose devices check
     /// those of buffers themselves.
     pub unchecked_indices: Option<bool>,
@@ -42,6 +47,10 @@ pub struct GpuOptions {
     pub most_pairs: Option<u64>,
 }
 
+/// Least bytes of a pair in the largest buffer that must hold all pairs at once, which limits the number of rounds
+/// ([`super::view_buffers::MOST_ROUNDS`]). Its splat and its texel window take as many (`shaders/common/projected.wgsl`).
+pub(super) const LEAST_PAIR_BYTES: u64 = 12;
+
 /// Subgroups of fewer lanes do not pay: more sums go through workgroup memory.
 const LEAST_LANES: u32 = 16;
 
@@ -52,6 +61,8 @@ pub(super) struct Form {
     pub tile_rows_px: u32,
     /// Lanes that kernels by subgroups sum over; 0 without such kernels.
     pub sum_lanes: u32,
+    /// Pairs of a segment; 0: tiles are whole, always without subgroups.
+    pub segment_pairs: u32,
     /// Whether indices are clamped.
     pub checks_indices: bool,
 }
@@ -60,7 +71,7 @@ impl Form {
     /// The form for a device, and the variants of the rasterisation.
     ///
     /// # Errors
-    /// [`crate::Error::Usage`] if the options ask for subgroups that the device does not have.
+    /// [`crate::Error::Usage`] if the options ask for subgroups that the device does not have, or for other segments.
     pub(super) fn choose(device: &GpuDevice, options: &GpuOptions) -> Result<(Self, RasterKernels)> {
         let hardware = options.hardware_kernels.unwrap_or(device.choice.hardware);
         let sum_lanes = sum_lanes(device.subgroup_lanes(), hardware, options.sum_lanes)?;
@@ -69,6 +80,7 @@ impl Form {
         let form = Self {
             tile_rows_px: if hardware { TILE_PX } else { HALF_TILE_ROWS_PX },
             sum_lanes,
+            segment_pairs: if sum_lanes > 0 { segment_pairs(options.segment_pairs)? } else { 0 },
             checks_indices: !unchecked,
         };
         let (pairs, atomics) = (options.count_pairs, options.count_texel_atomics);
@@ -80,7 +92,23 @@ impl Form {
         let tiles = (self.tile_rows_px == HALF_TILE_ROWS_PX).then_some(HALF_TILES);
         let lanes =
             SUM_LANES.iter().filter(|(lanes, _)| *lanes == self.sum_lanes).flat_map(|(_, flags)| *flags);
-        tiles.into_iter().chain(lanes.copied()).collect()
+        let segments = (self.sum_lanes > 0).then_some(SEGMENTS);
+        tiles.into_iter().chain(lanes.copied()).chain(segments).collect()
+    }
+
+    /// Bytes of a pair in the largest buffer that must hold all pairs at once: its splat, then its texel window or states of pixels.
+    pub(super) fn pair_bytes(self) -> u64 {
+        (4 + state_bytes_per_pair(self.segment_pairs, self.tile_rows_px)).max(LEAST_PAIR_BYTES)
+    }
+}
+
+fn segment_pairs(wanted: Option<u32>) -> Result<u32> {
+    match wanted.unwrap_or(SEGMENT_PAIRS) {
+        pairs if pairs.is_multiple_of(SEGMENT_STEP) && pairs <= 1 << 24 => Ok(pairs),
+        pairs => Err(usage!(
+            "segments of {pairs} pairs: expected a multiple of {SEGMENT_STEP}, at most {}",
+            1 << 24
+        )),
     }
 }
 
@@ -111,6 +139,25 @@ mod tests {
         assert_eq!(sum_lanes(8, false, Some(4)).unwrap(), 4);
         for (fixed, lanes) in [(8, 16), (0, 4), (64, 32), (32, 2), (32, 12)] {
             assert!(sum_lanes(fixed, true, Some(lanes)).is_err(), "{lanes} of {fixed}");
+        }
+    }
+
+    #[test]
+    fn segments_are_whole_batches_and_their_states_have_a_place() {
+        assert_eq!([None, Some(0), Some(64)].map(|n| segment_pairs(n).unwrap()), [SEGMENT_PAIRS, 0, 64]);
+        for pairs in [1, 32, 100, 1 << 25] {
+            assert!(segment_pairs(Some(pairs)).is_err(), "{pairs}");
+        }
+        for (tile_rows_px, sum_lanes, segment_pairs, bytes) in [
+            (16, 0, 0, 12),
+            (8, 0, 0, 12),
+            (16, 32, 256, 20),
+            (16, 32, 0, 12),
+            (8, 8, 192, 15),
+            (16, 8, 64, 68),
+        ] {
+            let form = Form { tile_rows_px, sum_lanes, segment_pairs, checks_indices: true };
+            assert_eq!(form.pair_bytes(), bytes, "{form:?}");
         }
     }
 }

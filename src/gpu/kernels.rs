@@ -126,6 +126,8 @@ pub enum Groups {
     PairDigits,
     /// One workgroup per tile of the rasterisation.
     Tiles,
+    /// One workgroup per tile of the rasterisation, and per boundary between segments ([`super::segments`]).
+    Segments,
     /// One workgroup per tile of the loss.
     LossTiles,
     /// One invocation per pair, and per tile of the rasterisation.
@@ -226,7 +228,7 @@ kernels! {
         RasterBwdGeometryScatter ["STATISTICS", "GEOMETRY", "SCATTER"];
     }
     // The same by subgroups.
-    "raster_bwd_subgroups", Tiles, [
+    "raster_bwd_subgroups", Segments, [
         read projected = Projected, read pairs = Pairs, read tile_ranges = TileRanges,
         read texel_values = TexelValues, read pixel_state = PixelState, read pixel_grad = PixelGrad,
         write partials = Partials, write texel_grad = TexelGrad,

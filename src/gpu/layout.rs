@@ -122,10 +122,10 @@ pub struct StepUniform {
     pub partial_first: u32,
     /// Number of pairs whose partial sums it can hold.
     pub partial_capacity: u32,
+    /// Pairs of a segment (`shaders/common/segments.wgsl`); 0: tiles are whole.
+    pub segment_pairs: u32,
     /// Pads to a multiple of 16 bytes.
-    pub pad0: u32,
-    /// As `pad0`.
-    pub pad1: u32,
+    pub pad: u32,
 }
 
 /// Sums of a tile-splat pair.

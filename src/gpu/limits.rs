@@ -5,7 +5,6 @@ use super::device::GpuDevice;
 use super::layout::MAX_SIDE_PX;
 use super::layout::{BOUNDS_BYTES, PAIR_SUMS_GEOMETRY, PROJECTED_BYTES};
 use super::model_buffers::{MOST_SPLAT_FLOATS, splat_floats};
-use super::view_buffers::PAIR_RECORD_BYTES;
 use crate::backend::{DeviceLimits, SceneShape};
 
 /// Bytes and floats per texel of the largest texel buffer, the activated texels.
@@ -17,13 +16,13 @@ const PIXEL_FLOATS: u64 = 9;
 /// Bytes per pixel of the records that the distortion and normal terms need.
 const GEOMETRY_PIXEL_BYTES: u64 = 48;
 
-/// Largest number of pairs that fit into buffers of `buffer_bytes`. Their partial sums need not fit at once.
-pub(super) fn max_pairs(buffer_bytes: u64) -> u64 {
-    buffer_bytes / 16 * 16 / PAIR_RECORD_BYTES
+/// Largest number of pairs that fit into buffers of `buffer_bytes`, with `pair_bytes` each. Their partial sums need not fit at once.
+pub(super) fn max_pairs(buffer_bytes: u64, pair_bytes: u64) -> u64 {
+    buffer_bytes / 16 * 16 / pair_bytes
 }
 
-/// Limits of a device whose storage buffers may have `buffer_bytes`.
-pub(super) fn limits(buffer_bytes: u64, shape: SceneShape) -> DeviceLimits {
+/// Limits of a device whose storage buffers may have `buffer_bytes`, and hold `max_pairs` pairs.
+pub(super) fn limits(buffer_bytes: u64, max_pairs: u64, shape: SceneShape) -> DeviceLimits {
     // Buffer sizes are multiples of 16 bytes.
     let buffer_bytes = buffer_bytes / 16 * 16;
     let most = |bytes: u64, floats: u64| (buffer_bytes / bytes).min(u64::from(u32::MAX) / floats);
@@ -36,7 +35,7 @@ pub(super) fn limits(buffer_bytes: u64, shape: SceneShape) -> DeviceLimits {
         max_pixels: most(pixel_bytes, PIXEL_FLOATS),
         max_splats: most(splat_bytes, parameters).min(MOST_SPLAT_FLOATS / parameters),
         max_texels: most(TEXEL_BYTES, TEXEL_FLOATS),
-        max_pairs: max_pairs(buffer_bytes),
+        max_pairs,
     }
 }
 

@@ -33,6 +33,9 @@ mod queue;
 mod reading;
 mod resources;
 mod saved;
+mod segments;
+#[cfg(test)]
+mod segments_tests;
 mod shader;
 #[cfg(test)]
 mod shader_tests;

@@ -16,6 +16,8 @@ pub const HALF_TILE_ROWS_PX: u32 = 8;
 pub const FIXED_MAX: f64 = (1 << 30) as f64;
 /// Flag that all kernels get on software drivers.
 pub const HALF_TILES: &str = "HALF_TILES";
+/// Flag that all kernels get where the backward pass is by subgroups: it visits segments of tiles ([`super::segments`]).
+pub const SEGMENTS: &str = "SEGMENTS";
 /// Numbers of lanes that kernels by subgroups can sum over, and the flags for them.
 pub const SUM_LANES: [(u32, &[&str]); 4] =
     [(4, &["LANES_4"]), (8, &["LANES_8"]), (16, &["LANES_16"]), (32, &[])];
@@ -55,6 +57,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "common/groups",
     "common/hit",
     "common/image",
+    "common/keep_states",
     "common/lane_sums",
     "common/list_group",
     "common/map_change",
@@ -64,6 +67,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "common/projected",
     "common/replay",
     "common/scan",
+    "common/segments",
     "common/sh",
     "common/sort",
     "common/splat",
@@ -242,6 +246,7 @@ pub fn shared_constants() -> (Named<f64>, Named<u32>) {
         ("GROUPS_VISIBLE_DIGITS", Groups::VisibleDigits as u32),
         ("GROUPS_PAIR_DIGITS", Groups::PairDigits as u32),
         ("GROUPS_TILES", Groups::Tiles as u32),
+        ("GROUPS_SEGMENTS", Groups::Segments as u32),
         ("GROUPS_LOSS_TILES", Groups::LossTiles as u32),
         ("GROUPS_PAIRS_AND_TILES", Groups::PairsAndTiles as u32),
         ("GROUPS_PAIR_BLOCKS", Groups::PairBlocks as u32),

@@ -6,7 +6,7 @@ mod mirrors;
 mod parsed;
 
 use super::kernels::{KERNELS, Kernel};
-use super::shader::{ExpandedShader, HALF_TILES, SOURCES, SUM_LANES, expand};
+use super::shader::{ExpandedShader, HALF_TILES, SEGMENTS, SOURCES, SUM_LANES, expand};
 use contract::{check, workgroup_bytes};
 use mirrors::{check_structs, mirrors};
 use parsed::Parsed;
@@ -16,9 +16,9 @@ fn native(kernel: &Kernel) -> ExpandedShader {
     expand(kernel.name, kernel.flags).unwrap()
 }
 
-/// The kernel as compiled for software drivers.
-fn half_tiles(kernel: &Kernel) -> ExpandedShader {
-    expand(kernel.name, &[kernel.flags, &[HALF_TILES]].concat()).unwrap()
+/// The kernel as compiled with another flag: for software drivers, or for the backward pass by subgroups.
+fn with(flag: &'static str, kernel: &Kernel) -> ExpandedShader {
+    expand(kernel.name, &[kernel.flags, &[flag]].concat()).unwrap()
 }
 
 /// The kernel for subgroups of each size.
@@ -28,8 +28,9 @@ fn by_lanes(kernel: &Kernel) -> impl Iterator<Item = ExpandedShader> {
 
 #[test]
 fn kernels_agree_with_the_table() {
-    let both = |kernel| [check(native(kernel), kernel), check(half_tiles(kernel), kernel)].concat();
-    let mut wrong: Vec<String> = KERNELS.iter().flat_map(|(_, kernel)| both(kernel)).collect();
+    let all = |kernel| [native(kernel), with(HALF_TILES, kernel), with(SEGMENTS, kernel)];
+    let mut wrong: Vec<String> =
+        KERNELS.iter().flat_map(|(_, k)| all(k).into_iter().flat_map(|shader| check(shader, k))).collect();
     for (_, kernel) in KERNELS.iter().filter(|(_, kernel)| kernel.needs_subgroups()) {
         wrong.extend(by_lanes(kernel).flat_map(|shader| check(shader, kernel)));
     }

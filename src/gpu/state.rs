@@ -144,6 +144,7 @@ impl GpuBackend {
             filter_px2: self.shape.filter.variance_px2() as f32,
             pair_capacity: self.capacity.pairs as u32,
             tile_rows_px: self.form.tile_rows_px,
+            segment_pairs: self.form.segment_pairs,
             flushed_step: self.clock.step,
             flushed_rates: self.clock.rates,
         }

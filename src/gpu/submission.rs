@@ -107,7 +107,7 @@ impl GpuBackend {
 
     /// Uniforms of the rounds in which a step sums the derivatives by its pairs: one, unless the partial sums of all pairs
     /// exceed a buffer. The bits do not depend on their number.
-    fn rounds(&self, slot: usize, uniform: &StepUniform) -> Vec<UniformOffsets> {
+    pub(super) fn rounds(&self, slot: usize, uniform: &StepUniform) -> Vec<UniformOffsets> {
         let pairs = self.capacity.partial_pairs(uniform.partial_stride);
         let count = self.capacity.training_pairs.div_ceil(pairs.max(1)).max(1) as usize;
         assert!(count <= MOST_ROUNDS, "{count} rounds for {} pairs", self.capacity.training_pairs);
@@ -147,6 +147,7 @@ impl GpuBackend {
             // An empty model has buffers too.
             splats: n.max(1),
             pairs: self.capacity.pairs_of(training).max(guess),
+            pair_bytes: self.form.pair_bytes(),
             training,
             statistics,
             ..RequiredCapacity::default()
@@ -161,7 +162,7 @@ impl GpuBackend {
 
     /// Largest number of pairs of a training step.
     pub(super) fn most_pairs(&self) -> u64 {
-        let most = limits::max_pairs(self.device.most_buffer_bytes());
+        let most = limits::max_pairs(self.device.most_buffer_bytes(), self.form.pair_bytes());
         self.options.most_pairs.map_or(most, |asked| most.min(asked))
     }
 
@@ -211,7 +212,7 @@ impl GpuBackend {
                     uniform.flags |= if self.counts_atomics(request) { FLAG_COUNT_ATOMICS } else { 0 };
                 }
                 // As an image: parameters are flushed, but not stored.
-                Task::Compare => (uniform.step, uniform.flags) = (0, 0),
+                Task::Compare => (uniform.step, uniform.flags, uniform.segment_pairs) = (0, 0, 0),
                 // The first moments of splats that it does not see are 0: they stand still.
                 Task::Probe => {}
             }

@@ -154,6 +154,7 @@ fn workgroup_counts_of_later_dispatches_are_folded() {
             grid: [4096, 4095],
             size_px: [65_536, 1_600],
             partial_stride: PAIR_SUMS,
+            segment_pairs: 256,
             ..StepUniform::default()
         };
         run_visible(&mut harness, &touching(&counts), step);
@@ -169,6 +170,7 @@ fn workgroup_counts_of_later_dispatches_are_folded() {
             (Groups::VisibleDigits, 1),
             (Groups::PairDigits, 1 << DIGIT_BITS),
             (Groups::Tiles, num_tiles),
+            (Groups::Segments, num_tiles + (total - 1) / 256),
             (Groups::LossTiles, 4096 * 100),
             (Groups::PairsAndTiles, total.div_ceil(GROUP)),
             (Groups::PairBlocks, total.div_ceil(BLOCK)),

@@ -20,6 +20,8 @@ pub(super) struct UniformInputs {
     pub pair_capacity: u32,
     /// Height of the rasterisation's tiles.
     pub tile_rows_px: u32,
+    /// Pairs of a segment; 0: tiles are whole.
+    pub segment_pairs: u32,
     /// Last completed step.
     pub flushed_step: u32,
     /// Learning rates of that step.
@@ -135,6 +137,7 @@ pub(super) fn step(
         texture_weight: loss.texture,
         texel_units: (3.0 * num_pixels * FIXED_MAX / gradient_bound(loss)) as f32,
         photo_offset_px,
+        segment_pairs: if loss.needs_geometry() { 0 } else { inputs.segment_pairs },
         probe_scale: probe_scale(request.target.rgb.len(), &exposure),
         rate_position: rates.position,
         rate_quaternion: rates.quaternion,

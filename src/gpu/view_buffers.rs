@@ -1,6 +1,7 @@
 //! Buffers whose size depends on the images and the number of pairs. They only grow.
 
 use super::device::GpuDevice;
+use super::form::LEAST_PAIR_BYTES;
 use super::kernels::Buf;
 use super::layout::PAIR_SUMS_GEOMETRY;
 use super::resources::Resources;
@@ -10,10 +11,8 @@ use super::uniform::partial_stride;
 use crate::Result;
 use std::collections::BTreeMap;
 
-/// Bytes of a pair in the largest buffer that must hold all pairs at once (`shaders/common/projected.wgsl`).
-pub(super) const PAIR_RECORD_BYTES: u64 = 12;
 /// Most parts of a buffer's size that the partial sums of all pairs take; one more for rounding.
-pub(super) const MOST_ROUNDS: usize = (4 * PAIR_SUMS_GEOMETRY as u64 / PAIR_RECORD_BYTES) as usize + 1;
+pub(super) const MOST_ROUNDS: usize = (4 * PAIR_SUMS_GEOMETRY as u64 / LEAST_PAIR_BYTES) as usize + 1;
 
 /// Current capacity of the buffers.
 #[derive(Clone, Debug, Default)]
@@ -31,6 +30,8 @@ pub(super) struct Capacity {
 pub(super) struct RequiredCapacity {
     pub splats: u64,
     pub pairs: u64,
+    /// Bytes of a pair in the buffer of pairs.
+    pub pair_bytes: u64,
     pub pixels: u64,
     pub tiles: u64,
     /// Whether there is a backward pass.
@@ -62,7 +63,8 @@ impl Capacity {
         resources: &mut Resources,
         needs: &RequiredCapacity,
     ) -> Result<()> {
-        let &RequiredCapacity { splats, pairs, pixels, tiles, training, statistics, geometry } = needs;
+        let &RequiredCapacity { splats, pairs, pair_bytes, pixels, tiles, training, statistics, geometry } =
+            needs;
         let keys = pairs.max(splats);
         let histogram = histogram_entries(keys as u32);
         let training_pairs = if training { pairs.max(self.training_pairs) } else { self.training_pairs };
@@ -78,7 +80,7 @@ impl Capacity {
             (true, Buf::HistogramB, "sort histograms", histogram, 4),
             (true, Buf::GroupLists, "lists of visible splats", group_list_entries(splats), 4),
             (true, Buf::Slots, "tile-splat pairs", pairs, 4),
-            (true, Buf::Pairs, "tile-splat pairs", pairs, PAIR_RECORD_BYTES),
+            (true, Buf::Pairs, "tile-splat pairs", pairs, pair_bytes),
             (true, Buf::SlotOffsets, "prefix sums", splats, 4),
             (true, Buf::BlockSums, "prefix sums", splats.div_ceil(u64::from(BLOCK)), 4),
             (training, Buf::Partials, "partial sums of tile-splat pairs", partials, partial_bytes),

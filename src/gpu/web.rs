@@ -1,7 +1,7 @@
 //! The kernels by themselves, for tests that compile them in browsers, and for other compilers.
 
 use super::kernels::KERNELS;
-use super::shader::{ExpandedShader, HALF_TILES, expand};
+use super::shader::{ExpandedShader, HALF_TILES, SEGMENTS, expand};
 use crate::{Error, Result};
 
 /// A kernel variant.
@@ -17,8 +17,8 @@ pub struct WebShader {
     pub needs_subgroups: bool,
 }
 
-/// All kernels that need no subgroups, and their variants, with tiles of both heights if the kernel depends on it. naga does
-/// not know the directive by which browsers allow subgroups.
+/// All kernels that need no subgroups, and their variants, with tiles of both heights and for the backward pass by subgroups, if
+/// the kernel depends on these. naga does not know the directive by which browsers allow subgroups.
 ///
 /// # Errors
 /// [`Error::Device`] with file and line if the preprocessor fails.
@@ -33,14 +33,20 @@ pub fn web_shaders() -> Result<Vec<WebShader>> {
 pub fn all_shaders() -> Result<Vec<WebShader>> {
     let mut out: Vec<WebShader> = Vec::new();
     for (_, kernel) in KERNELS {
-        for tiles in [&[][..], &[HALF_TILES]] {
-            let flags = [kernel.flags, tiles].concat();
+        let native = expand(kernel.name, kernel.flags).map_err(Error::Device)?;
+        for form in [&[][..], &[HALF_TILES], &[SEGMENTS]] {
+            let flags = [kernel.flags, form].concat();
             let shader = expand(kernel.name, &flags).map_err(Error::Device)?;
             // Most kernels only define the height of tiles and never use it.
             let heights = ["TILE_ROWS_PX", "TILE_SIZE_PX", "RASTER_GROUP"];
             let mut code = shader.text.lines().filter(|line| !line.starts_with("const "));
             let uses_height = code.any(|line| heights.iter().any(|name| line.contains(name)));
-            if uses_height || tiles.is_empty() {
+            let is_another = match form {
+                [] => true,
+                [HALF_TILES] => uses_height,
+                _ => shader.text != native.text,
+            };
+            if is_another {
                 let name = std::iter::once(kernel.name).chain(flags).collect::<Vec<_>>().join(" ");
                 let needs_subgroups = kernel.needs_subgroups();
                 out.push(WebShader { name, entry_point: kernel.name, shader, needs_subgroups });

@@ -13,8 +13,8 @@ const LAYERS: f64 = 17.0;
 /// Side of a tile on GPUs, in pixels.
 const TILE_PX: f64 = 16.0;
 
-/// Bytes of a pair: two sort keys with their values twice, its splat, its record and its partial sums.
-const PAIR_BYTES: u64 = 16 + 4 + 12 + 80;
+/// Bytes of a pair: two sort keys with their values twice, its splat, its record with states of pixels, and its partial sums.
+const PAIR_BYTES: u64 = 16 + 4 + 20 + 80;
 /// Bytes of a pixel: image, gradients, SSIM maps.
 const PIXEL_BYTES: u64 = 80;
 /// The same with terms on depths and normals.

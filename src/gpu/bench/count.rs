@@ -5,8 +5,9 @@ use crate::Result;
 use crate::backend::{Backend as _, RasterCounters, StepRequest};
 use crate::camera::Camera;
 use crate::gpu::form::GpuOptions;
-use crate::gpu::kernels::KernelId;
+use crate::gpu::kernels::{Buf, KernelId};
 use crate::gpu::resources::UniformOffsets;
+use crate::gpu::segments::num_boundaries;
 use crate::gpu::shader::TILE_PX;
 use crate::gpu::sort::{DEPTH_PASSES, num_tile_passes};
 use crate::gpu::state::GpuBackend;
@@ -75,6 +76,7 @@ impl BenchRun<'_, '_> {
             }
             let [cols, rows] = uniform::grid(&camera, self.backend.form.tile_rows_px);
             counts.tiles += f64::from(cols * rows);
+            counts.states += self.backend.num_states((cols * rows) as usize)? as f64;
             counts.tile_passes += f64::from(num_tile_passes(cols * rows));
             before = after;
         }
@@ -87,6 +89,8 @@ impl BenchRun<'_, '_> {
             visible: mean(counts.visible),
             lagging: mean(counts.lagging),
             pairs: mean(sum.tile_pairs as f64),
+            windows: if self.backend.form.sum_lanes > 0 { 0.0 } else { mean(sum.tile_pairs as f64) },
+            states: mean(counts.states),
             pixels: mean(sum.pixels as f64),
             tiles: mean(counts.tiles),
             visible_texels: mean(counts.visible_texels),
@@ -123,6 +127,13 @@ fn pair_figures(sum: &RasterCounters, tile_pairs: f64, tile_pixels: u64) -> Pair
 }
 
 impl GpuBackend {
+    /// Most states of pixels that the last step stored: all, unless pixels ended before.
+    fn num_states(&self, num_tiles: usize) -> Result<u64> {
+        let ranges: Vec<[u32; 2]> = self.device.read(self.resources.buffer(Buf::TileRanges), num_tiles)?;
+        let pairs = ranges.iter().map(|[first, past]| past - first);
+        Ok(num_boundaries(pairs, self.form.segment_pairs) * u64::from(TILE_PX * self.form.tile_rows_px))
+    }
+
     /// Kernels of a step without window statistics, each listed once.
     fn kernels_of_step(&self, camera: &Camera) -> Vec<KernelId> {
         let dispatches = self.step_dispatches(&[UniformOffsets::default()], camera, false, false, false);

@@ -19,6 +19,7 @@ use crate::gpu::kernels::KernelId;
 use crate::gpu::layout::{
     BOUNDS_BYTES, DispatchArgs, PAIR_SUMS, PROJECTED_BYTES, SPLAT_SUMS_BYTES, SplatInfo, Status,
 };
+use crate::gpu::segments::STATE_BYTES;
 use crate::gpu::shader::{BLOCK, DIGIT_BITS, GROUP};
 use serde::Serialize;
 
@@ -37,6 +38,10 @@ pub struct TrafficCounts {
     pub pixels: f64,
     /// `T`, tiles of the image.
     pub tiles: f64,
+    /// Pairs with texel windows: none where the backward pass is by subgroups.
+    pub windows: f64,
+    /// Pixels' states at the boundaries of segments.
+    pub states: f64,
     /// `Mv`, texels of visible splats.
     pub visible_texels: f64,
     /// `Ml`, texels that must be flushed.
@@ -104,6 +109,7 @@ const WINDOW: f64 = 8.0;
 const PROJECTED: f64 = PROJECTED_BYTES as f64;
 const BOUNDS: f64 = BOUNDS_BYTES as f64;
 const INFO: f64 = size_of::<SplatInfo>() as f64;
+const STATE_OF_PIXEL: f64 = STATE_BYTES as f64;
 const PARTIALS: f64 = PAIR_SUMS as f64 * WORD;
 
 /// Bytes by item that all dispatches of a kernel move in a step without window statistics.
@@ -125,7 +131,7 @@ pub(super) fn traffic(kernel: KernelId, c: &TrafficCounts) -> Vec<(TrafficItem, 
     let block_status = (c.visible / f64::from(GROUP)).ceil() * SPLAT_SUMS_BYTES as f64;
     // Pairs, splats and texels that the rasterisation reads. The forward pass writes the windows, the backward pass
     // reads them.
-    let scene = 8.0 * c.tiles + (PAIR + PROJECTED + WINDOW) * c.pairs + 16.0 * c.visible_texels;
+    let scene = 8.0 * c.tiles + (PAIR + PROJECTED) * c.pairs + WINDOW * c.windows + 16.0 * c.visible_texels;
     match kernel {
         K::Project => {
             let all = (GEOMETRY * WORD + BOUNDS + WORD) * c.splats + 2.0 * group_sums;
@@ -163,7 +169,8 @@ pub(super) fn traffic(kernel: KernelId, c: &TrafficCounts) -> Vec<(TrafficItem, 
             vec![(I::Sort, (3.0 * WORD + PAIR) * c.pairs + ranges)]
         }
         K::RasterFwd | K::RasterFwdCount | K::RasterFwdBatched | K::RasterFwdBatchedCount => {
-            vec![(I::Forward, scene + (16.0 + 8.0) * c.pixels)]
+            // States are completed when the colours behind are known.
+            vec![(I::Forward, scene + (16.0 + 8.0) * c.pixels + 3.0 * STATE_OF_PIXEL * c.states)]
         }
         // Image, photo, SSIM maps, loss map.
         K::LossFwd => vec![(I::Loss, (16.0 + 4.0 + 36.0 + 4.0) * c.pixels + 16.0 * c.tiles)],
@@ -179,7 +186,7 @@ pub(super) fn traffic(kernel: KernelId, c: &TrafficCounts) -> Vec<(TrafficItem, 
         | K::RasterBwdSubgroupsStatistics
         | K::RasterBwdSubgroupsCount => {
             let sums = PARTIALS * c.pairs + ATOMIC * c.texel_atomics;
-            vec![(I::Backward, scene + (8.0 + 16.0) * c.pixels + sums)]
+            vec![(I::Backward, scene + (8.0 + 16.0) * c.pixels + STATE_OF_PIXEL * c.states + sums)]
         }
         // The splats with number of pairs and first slot; the places of the pairs.
         K::SumPairs => {
@@ -277,6 +284,8 @@ mod tests {
             visible: 4_096.0,
             lagging: 100.0,
             pairs: 20_480.0,
+            windows: 20_480.0,
+            states: 0.0,
             pixels: 65_536.0,
             tiles: 256.0,
             visible_texels: 65_536.0,
@@ -311,6 +320,11 @@ mod tests {
         assert_eq!(of(KernelId::SortScan), (2.0 * 56.0 + 32.0) * 1024.0);
         let moved = 57_344.0 * 16.0 - 20_480.0 * 4.0;
         assert_eq!(of(KernelId::SortScatter), 56.0 * 1024.0 + moved + 32.0 * 1024.0 * 8.0);
+        let c = TrafficCounts { windows: 0.0, states: 512.0, ..c };
+        let by_segments = |kernel| traffic(kernel, &c).iter().map(|(_, bytes)| bytes).sum::<f64>();
+        let fewer = |kernel, per_state| of(kernel) - 8.0 * 20_480.0 + 512.0 * per_state;
+        assert_eq!(by_segments(KernelId::RasterFwdBatched), fewer(KernelId::RasterFwdBatched, 48.0));
+        assert_eq!(by_segments(KernelId::RasterBwdSubgroups), fewer(KernelId::RasterBwdSubgroups, 16.0));
         assert_eq!(TrafficItem::Sort.floor(&c), 144.0 * 20_480.0);
         assert_eq!(TrafficItem::Backward.floor(&c), 168.0 * 20_480.0 + 240_000.0);
     }

@@ -115,8 +115,8 @@ pub(super) fn mirrors() -> Vec<Mirror> {
                 last_v_correction_sqrt,
                 partial_first,
                 partial_capacity,
-                pad0,
-                pad1,
+                segment_pairs,
+                pad,
             }
         ),
         mirror!("SortPass", SortPass { shift, counts_pairs, identity_values, counts_next }),
