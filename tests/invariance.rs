@@ -63,8 +63,8 @@ fn first_model(capture: &Capture, seed: u64) -> Model {
 /// The model at the end and its PSNR.
 fn trained(folder: &Path, seed: u64) -> (Model, f64) {
     let capture = load(folder);
-    // Adam's steps are along the axes of the frame, and longer ones take splats further apart in a turned one (with the higher
-    // rates of the defaults 0.47 of their spacing, at the same PSNR), which would hide errors of the frame.
+    // Adam's steps are along the axes of the frame, and longer ones take splats further apart in a turned one (at 30
+    // times the published rates 0.47 of their spacing, at the same PSNR), which would hide errors of the frame.
     let rates = RateConfig::published();
     let config = TrainConfig { steps: STEPS, sh_degree: 2, seed, rates, ..TrainConfig::default() };
     let start = TrainState::fresh(first_model(&capture, seed));
