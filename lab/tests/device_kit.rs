@@ -120,12 +120,13 @@ fn the_kit_tests_and_measures_a_device() {
         assert!(time["density_control_wall_secs"].as_f64() < time["train_wall_secs"].as_f64());
     }
     assert!(stdout.contains("density control") && stdout.contains("texels"), "{stdout}");
-    // A batch is one submission with its status, read once; how long batches are follows from the speed.
+    // A batch is one submission with its status, read once. How long batches are follows from the speed, and a slow device
+    // measures fewer steps, one by one.
     let bench = &json["bench"]["32"];
-    let batches = 2_u64.div_ceil(bench["batch_steps"].as_u64().unwrap());
-    for key in ["host_waits", "submissions"] {
-        assert_eq!(bench["per_step"][key].as_f64().unwrap(), batches as f64 / 2.0, "{key}");
-    }
+    let [steps, batch_steps] = ["steps", "batch_steps"].map(|key| bench[key].as_u64().unwrap());
+    let fewest = steps.div_ceil(batch_steps) as f64 / steps as f64;
+    let [waits, submissions] = ["host_waits", "submissions"].map(|k| bench["per_step"][k].as_f64().unwrap());
+    assert!(waits == submissions && (fewest..=1.0).contains(&waits), "{:#}", bench["per_step"]);
     assert!(json["bench"]["full"]["size_px"] == serde_json::json!([64, 48]));
     for (sort, keys) in bench["sort"].as_array().unwrap().iter().zip([100_000, 1_000_000]) {
         assert!(sort["keys"] == keys && sort["sorted"] == true);
