@@ -20,7 +20,7 @@
 #if SEGMENTS
 #include common/keep_states
 #else
-#include common/texel_window
+#include common/keep_windows
 #endif
 #include common/status
 
@@ -85,9 +85,10 @@ fn blend(state: ptr<function, Pixel>, s: Projected, index: u32, pixel: vec2u) {
     if taps.inside {
         colour = max(colour + residual(s, taps).value, vec3f(0.0));
     }
-    (*state).rgb += colour * (alpha * before);
+    let seen = colour * (alpha * before);
+    (*state).rgb += seen;
 #if SEGMENTS
-    (*state).segment_rgb += colour * (alpha * before);
+    (*state).segment_rgb += seen;
 #endif
 #if GEOMETRY
     let weight = alpha * before;
@@ -100,24 +101,11 @@ fn blend(state: ptr<function, Pixel>, s: Projected, index: u32, pixel: vec2u) {
     (*state).blended += 1u;
 }
 
-// Stores the texel window of a pair, in training steps.
-fn store_window(s: Projected, index: u32, origin_px: vec2u) {
-#if SEGMENTS
-#else
-    if step.step > 0u {
-        let window = texel_window(s, origin_px);
-        pairs[window_first_at(index)] = pack_px(vec2i(window.first));
-        pairs[window_past_at(index)] = pack_px(vec2i(window.past));
-    }
-#endif
-}
-
 #if BATCHED
-const BATCH = 64u;
-const NUM_VISITS = BATCH / 32u * NUM_PATCHES;
+const NUM_VISITS = RASTER_BATCH / 32u * NUM_PATCHES;
 #include common/visits
 
-var<workgroup> batch: array<Projected, BATCH>;
+var<workgroup> batch: array<Projected, RASTER_BATCH>;
 var<workgroup> num_done: atomic<u32>;
 var<workgroup> all_done: u32;
 
@@ -135,12 +123,12 @@ fn raster_tile(state: ptr<function, Pixel>, range: vec2u, origin_px: vec2u, pixe
         atomicAdd(&num_done, 1u);
         was_done = true;
     }
-    for (var first = range.x; first < range.y; first += BATCH) {
+    for (var first = range.x; first < range.y; first += RASTER_BATCH) {
 #if SEGMENTS
         // Segments are whole batches.
         keep_state(state, first, range.x, lane);
 #endif
-        let count = min(BATCH, range.y - first);
+        let count = min(RASTER_BATCH, range.y - first);
         if lane < count {
             let s = projected[pairs[first + lane]];
             batch[lane] = s;

@@ -4,18 +4,18 @@
 
 mod common;
 
-use common::gpu::{drivers_and_limits, open};
+use common::gpu::{drivers, open};
 use litetex_exporters::Quality;
 use litetex_gs::backend::Backend;
 use litetex_gs::bake::{asset_camera, bake};
 use litetex_gs::cpu::CpuBackend;
-use litetex_gs::gpu::GpuOptions;
+use litetex_gs::gpu::{GpuOptions, LimitChoice};
 use litetex_gs::selftest::{SceneOptions, random_scene};
 use litetex_gs::verify::{Backends, BakedScene, RateGoal, Rounding, find_rounding};
 use litetex_gs::{Report, Result};
 
 #[test]
-fn files_are_rounded_alike_on_every_driver() {
+fn files_are_rounded_alike_on_cpu_and_gpu() {
     let options =
         SceneOptions { num_splats: 60, sh_degree: 1, width_px: 64, height_px: 48, ..SceneOptions::default() };
     let scene = random_scene(&options);
@@ -39,8 +39,11 @@ fn files_are_rounded_alike_on_every_driver() {
         let pairs = found.exponents.iter().zip(&expected.exponents);
         pairs.filter(|(a, b)| a != b).count()
     };
-    for (choice, limits) in drivers_and_limits() {
-        let gpu = || Ok(Box::new(open(&choice, limits, GpuOptions::default())) as Box<dyn Backend>);
+    if let Some(choice) = drivers().into_iter().next() {
+        let gpu = || {
+            let backend = open(&choice, LimitChoice::Downlevel, GpuOptions::default());
+            Ok(Box::new(backend) as Box<dyn Backend>)
+        };
         let found = rounding(&baked(60), &gpu);
         let (steps, wanted) = (found.steps.unwrap(), expected.steps.unwrap());
         let ratios = [steps.position / wanted.position, steps.sh0 / wanted.sh0, steps.texel / wanted.texel];

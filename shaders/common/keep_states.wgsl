@@ -9,6 +9,9 @@ fn store_state(boundary: u32, lane: u32, state: vec4f) {
     }
 }
 
+// The backward pass by subgroups takes no windows.
+fn store_window(s: Projected, index: u32, origin_px: vec2u) {}
+
 // Stores the state of a pixel that is about to pass pair `index`, if there is a boundary before it; with the colour of the segment
 // before it, until `turn_states`.
 fn keep_state(pixel: ptr<function, Pixel>, index: u32, tile_first: u32, lane: u32) {

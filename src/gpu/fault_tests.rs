@@ -10,17 +10,11 @@ use crate::backend::{Backend as _, LearningRates, LossWeights, RenderOptions, St
 use crate::model::AdamState;
 use crate::selftest::{RandomScene, SceneOptions, random_scene};
 
-/// A backend on each of [`test_drivers`] in turn.
-pub(super) fn backends() -> impl Iterator<Item = GpuBackend> {
-    test_drivers().into_iter().map(|choice| {
-        println!("{}", choice.name);
-        GpuBackend::new(GpuDevice::open(&choice, LimitChoice::Downlevel).unwrap(), GpuOptions::default())
-            .unwrap()
-    })
-}
-
-fn backend() -> Option<GpuBackend> {
-    backends().next()
+/// A backend on the first of [`test_drivers`].
+pub(super) fn backend() -> Option<GpuBackend> {
+    let choice = test_drivers().into_iter().next()?;
+    let device = GpuDevice::open(&choice, LimitChoice::Downlevel).unwrap();
+    Some(GpuBackend::new(device, GpuOptions::default()).unwrap())
 }
 
 fn scene() -> RandomScene {

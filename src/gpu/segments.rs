@@ -2,12 +2,12 @@
 //! with its longest tile. The forward pass stores the states of pixels at the boundaries between them, in place of texel windows
 //! (`shaders/common/segments.wgsl`).
 
-use super::shader::TILE_PX;
+use super::shader::{RASTER_BATCH, TILE_PX};
 
 /// Pairs of a segment. A state takes 16 bytes a pixel: as many as a tile has pixels, and so as many bytes a pair.
 pub(super) const SEGMENT_PAIRS: u32 = 256;
-/// Segments have a multiple of these: a batch of the forward pass.
-pub(super) const SEGMENT_STEP: u32 = 64;
+/// Segments have a multiple of these: whole batches of the forward pass.
+pub(super) const SEGMENT_STEP: u32 = RASTER_BATCH;
 
 /// Bytes of a pixel's state: a colour, a transmittance.
 pub(super) const STATE_BYTES: u64 = 16;

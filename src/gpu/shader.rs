@@ -25,6 +25,8 @@ pub const SUM_LANES: [(u32, &[&str]); 4] =
 pub const GROUP: u32 = TILE_PX * TILE_PX;
 /// Invocations per workgroup in kernels with one workgroup per splat.
 pub const SPLAT_GROUP: u32 = 64;
+/// Splats of a batch that the forward rasterisation loads through workgroup memory.
+pub const RASTER_BATCH: u32 = 64;
 /// Elements per workgroup in the prefix sums and the sort.
 pub const BLOCK: u32 = 1024;
 /// Bits of a digit of the radix sort.
@@ -58,6 +60,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "common/hit",
     "common/image",
     "common/keep_states",
+    "common/keep_windows",
     "common/lane_sums",
     "common/list_group",
     "common/map_change",
@@ -228,6 +231,7 @@ pub fn shared_constants() -> (Named<f64>, Named<u32>) {
         ("HALF_TILE_ROWS_PX", HALF_TILE_ROWS_PX),
         ("GROUP", GROUP),
         ("SPLAT_GROUP", SPLAT_GROUP),
+        ("RASTER_BATCH", RASTER_BATCH),
         ("BLOCK", BLOCK),
         ("DIGIT_BITS", DIGIT_BITS),
         ("DIGITS", 1 << DIGIT_BITS),

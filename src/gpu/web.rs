@@ -13,12 +13,12 @@ pub struct WebShader {
     pub entry_point: &'static str,
     /// Preprocessed WGSL.
     pub shader: ExpandedShader,
-    /// Whether it needs subgroups.
+    /// Whether it needs subgroups, or runs only beside such kernels.
     pub needs_subgroups: bool,
 }
 
-/// All kernels that need no subgroups, and their variants, with tiles of both heights and for the backward pass by subgroups, if
-/// the kernel depends on these. naga does not know the directive by which browsers allow subgroups.
+/// All kernels that run without subgroups, and their variants, with tiles of both heights if the kernel depends on these. naga does
+/// not know the directive by which browsers allow subgroups.
 ///
 /// # Errors
 /// [`Error::Device`] with file and line if the preprocessor fails.
@@ -26,7 +26,7 @@ pub fn web_shaders() -> Result<Vec<WebShader>> {
     Ok(all_shaders()?.into_iter().filter(|shader| !shader.needs_subgroups).collect())
 }
 
-/// As [`web_shaders`], with those that need subgroups.
+/// As [`web_shaders`], with those that need subgroups, or run beside them.
 ///
 /// # Errors
 /// [`Error::Device`] with file and line if the preprocessor fails.
@@ -48,7 +48,7 @@ pub fn all_shaders() -> Result<Vec<WebShader>> {
             };
             if is_another {
                 let name = std::iter::once(kernel.name).chain(flags).collect::<Vec<_>>().join(" ");
-                let needs_subgroups = kernel.needs_subgroups();
+                let needs_subgroups = kernel.needs_subgroups() || form == [SEGMENTS];
                 out.push(WebShader { name, entry_point: kernel.name, shader, needs_subgroups });
             }
         }
