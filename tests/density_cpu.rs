@@ -94,7 +94,7 @@ fn budgets_are_spent_evenly_from_any_initial_size() {
         let mut config = config(policy);
         config.density.opacity_floor = Some([0.0; 2]);
         config.density.split_texels = [3.0; 2];
-        config.density.overshoot = Some(1.0);
+        config.density.overshoot = 1.0;
         config.budget = Budget { max_params: Some(budget), ..Budget::default() };
         let (counts, splats, texels) = run(&config, first.clone(), 2).steps[0];
         (ModelSize { texels, ..ModelSize::uniform(splats, 1, config.sh_degree) }.params(), counts.split)
@@ -234,7 +234,7 @@ fn no_budget_is_ever_exceeded() {
     let mut growing = config(Policy::Litetex);
     growing.density.opacity_floor = Some([0.0; 2]);
     growing.density.split_texels = [3.0; 2];
-    growing.density.overshoot = Some(1.0);
+    growing.density.overshoot = 1.0;
     let free = run(&growing, start(Policy::Litetex), 2).largest;
     let initial = start(Policy::Litetex).model;
     assert!(free[0] > initial.num_splats() + 20 && free[1] > initial.num_texels() + 100, "{free:?}");
@@ -264,7 +264,7 @@ fn what_grew_beyond_the_budget_is_pruned() {
     let mut config = config(Policy::Litetex);
     config.density.opacity_floor = Some([0.0; 2]);
     config.density.split_texels = [3.0; 2];
-    config.density.overshoot = Some(2.0);
+    config.density.overshoot = 2.0;
     config.density.sh_below = 0.0;
     let first = start(Policy::Litetex);
     let most = first.model.num_params() + 50;

@@ -104,11 +104,11 @@ fn first_points(
         InitPoints::Missing(_) => Vec::new(),
     };
     if let Some(background) = options.sweep_on {
-        let wanted = sweep::wanted_points(input, options);
-        let found = sweep::swept(input, &points, wanted, background, options.seed)?;
+        let (wanted, most) = (sweep::wanted_points(input), options.max_points);
+        let found = sweep::swept(input, &points, wanted, most, background, options.seed)?;
         let mut found = usable(found, input.views, &mut Report::default());
         if matches!(input.points, InitPoints::Missing(_))
-            && (found.len() as f64) < FOUND_SHARE_MIN * wanted as f64
+            && (found.len() as f64) < FOUND_SHARE_MIN * wanted.min(most) as f64
         {
             found.clear();
         }

@@ -1,7 +1,7 @@
 //! Points from the photos, where a capture has few of its own: along rays of the training views, the depth at which
 //! neighbouring photos show the same (plane sweep, Collins 1996; method 5.4).
 
-use super::input::{InitInput, InitOptions};
+use super::input::InitInput;
 use super::patch::{Patch, ReducedPhoto};
 use super::points::{LocalPoint, quantile};
 use super::random::{Purpose, Stream};
@@ -53,12 +53,12 @@ const PEAK_RADIUS_PX: f64 = 3.0;
 const PLANE_MATCHES: (usize, usize) = (4, 6);
 const PLANE_RADIUS: f64 = 0.125;
 
-/// Number of points that a capture should have, by the size of its views and the budget.
-pub(super) fn wanted_points(input: &InitInput<'_>, options: &InitOptions) -> usize {
+/// Number of points that a capture should have, by the size of its views.
+pub(super) fn wanted_points(input: &InitInput<'_>) -> usize {
     let views = input.photo_views();
     let pixels: f64 = views.iter().map(|&view| input.views.camera(view).pinhole.num_pixels() as f64).sum();
     let per_view = pixels / views.len().max(1) as f64;
-    points_for(per_view, views.len()).min(options.max_points)
+    points_for(per_view, views.len())
 }
 
 /// Points for this number of views of this many pixels each.
@@ -68,7 +68,7 @@ pub(super) fn points_for(pixels: f64, num_views: usize) -> usize {
     (pixels / pixels_per_point).clamp(WANTED_BOUNDS.0, WANTED_BOUNDS.1) as usize
 }
 
-/// Points to add to `known` ones; none if there are at least half of those wanted.
+/// Points to add to `known` ones, so that there are at most `most`; none if there are at least half of those wanted.
 ///
 /// # Errors
 /// Whatever reading a photo reports.
@@ -76,11 +76,13 @@ pub(super) fn swept(
     input: &InitInput<'_>,
     known: &[LocalPoint],
     wanted: usize,
+    most: usize,
     background: [f32; 3],
     seed: u64,
 ) -> Result<Vec<LocalPoint>> {
     let views = input.photo_views();
-    if 2 * known.len() >= wanted || views.len() < 2 {
+    let missing = wanted.min(most).saturating_sub(known.len());
+    if 2 * known.len() >= wanted || missing == 0 || views.len() < 2 {
         return Ok(Vec::new());
     }
     let cameras: Vec<Camera> = views.iter().map(|&view| input.views.camera(view)).collect();
@@ -94,7 +96,7 @@ pub(super) fn swept(
     let rays: Vec<Vec<DVec2>> = (0..photos.len())
         .map(|i| {
             // Shared evenly: all views get as many, the first ones one more.
-            let count = (wanted - known.len() + photos.len() - 1 - i) / photos.len();
+            let count = (missing + photos.len() - 1 - i) / photos.len();
             let pinhole = &photos[i].camera.pinhole;
             let size = DVec2::new(pinhole.width_px.into(), pinhole.height_px.into());
             (0..count).map(|_| DVec2::new(stream.uniform(), stream.uniform()) * size).collect()

@@ -57,12 +57,10 @@ impl Wall {
     }
 }
 
-fn sweep(wall: &Wall, known: &[LocalPoint], max_points: usize) -> Vec<DVec3> {
+fn sweep(wall: &Wall, known: &[LocalPoint], most: usize) -> Vec<DVec3> {
     let views = wall.views();
     let input = InitInput::for_test(&views, InitPoints::Missing(1));
-    let options = InitOptions { max_points, seed: 7, ..InitOptions::default() };
-    let wanted = wanted_points(&input, &options);
-    let points = swept(&input, known, wanted, [0.0; 3], options.seed).unwrap();
+    let points = swept(&input, known, wanted_points(&input), most, [0.0; 3], 7).unwrap();
     points.iter().map(LocalPoint::position_in_local).collect()
 }
 
@@ -112,6 +110,9 @@ fn enough_points_get_no_more() {
     let added = sweep(&wall, &known[..200], usize::MAX);
     assert!((200..=300).contains(&added.len()), "{}", added.len());
     assert!(share(&added, |p| (p.z - WALL).abs() < 0.05 * WALL) > 0.95);
+    // A budget that has room for a few more gets those.
+    let few = sweep(&wall, &known[..200], 300).len();
+    assert!((70..=100).contains(&few), "{few}");
 }
 
 #[test]

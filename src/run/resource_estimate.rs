@@ -336,7 +336,7 @@ mod tests {
         let grown = |policy: &str, budget: Budget| {
             let policy = policy.parse().unwrap();
             let mut config = TrainConfig { policy, budget, ..TrainConfig::default() };
-            config.density.overshoot = Some(1.0);
+            config.density.overshoot = 1.0;
             let grown = FOX.grown(&config);
             assert!(grown.splat_params <= FOX.splat_params);
             (grown.splats, grown.texels)

@@ -140,7 +140,7 @@ mod tests {
             need_db: 0.1,
             floor_db: 41.0,
             merge: false,
-            overshoot: Some(3.0),
+            overshoot: 3.0,
             quantile: 0.7,
             coarsen_below: 0.01,
             split_texels: [9.0; 2],

@@ -209,7 +209,7 @@ mod tests {
         let bare = ModelSize { maps: 0, texels: 0, ..model.size() }.params();
         let check = |budget: Budget| {
             let mut config = TrainConfig { budget, ..TrainConfig::default() };
-            config.density.overshoot = Some(1.0);
+            config.density.overshoot = 1.0;
             check_limits(&config, &backend, &views, &model)
         };
         // Texels beyond the budget are accepted: maps can be made smaller.

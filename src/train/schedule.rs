@@ -226,11 +226,7 @@ impl Schedule {
     /// meets.
     pub fn budget(&self, config: &TrainConfig, step: u32) -> Budget {
         let grows = step < self.prune_until || self.rounds_left(step) > 0;
-        let overshoot = if grows && self.prune_rounds > 0 {
-            config.density.overshoot.unwrap_or(config.policy.spec().overshoot)
-        } else {
-            1.0
-        };
+        let overshoot = if grows && self.prune_rounds > 0 { config.density.overshoot } else { 1.0 };
         // Without rounds that leave what a file has room for, any model must fit.
         let safe = if config.max_bytes.is_some() && self.prune_rounds == 0 { UNPRUNED_SHARE } else { 1.0 };
         let raised = |most: usize| (most as f64 * overshoot * safe) as usize;

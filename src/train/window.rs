@@ -181,12 +181,12 @@ impl DensityControl<'_> {
             patience: schedule.patience,
             opacity_floor: schedule.opacity_floor(config, step),
         };
-        let each = config.policy.first_texels_each();
-        let bare = ModelSize::uniform(state.pace.initial, each, 0);
-        let degree = config.first_sh_degree(bare, &schedule.budget(config, 0));
-        let start = ModelSize::uniform(state.pace.initial, each, degree);
         let mut budget = schedule.budget(config, step);
         if rule.is_paced {
+            let each = config.policy.first_texels_each();
+            let bare = ModelSize::uniform(state.pace.initial, each, 0);
+            let degree = config.first_sh_degree(bare, &schedule.budget(config, 0));
+            let start = ModelSize::uniform(state.pace.initial, each, degree);
             // Only the user's budget is spent evenly over time: the device is a bound, not a budget.
             budget = budget.paced(share, &start, &model.size());
         }

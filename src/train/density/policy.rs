@@ -45,8 +45,6 @@ pub struct PolicySpec {
     pub rule: Rule,
     /// Last step of the published timetable after which the model grows.
     pub densify_until: u32,
-    /// How far growth may exceed a budget of parameters, as a factor.
-    pub overshoot: f64,
     /// Opacity below which splats fade, or are relocated: at step 0 and at the last.
     pub opacity_floor: [f64; 2],
     /// [Components](super::Components) that the policy does not have, by name.
@@ -111,8 +109,6 @@ impl Policy {
             rule: Rule::Litetex,
             // Authors' configuration (method 6.1).
             densify_until: 15_000,
-            // Method 6.15.
-            overshoot: 4.0,
             // Authors' code (method 6.3).
             opacity_floor: [0.015, 0.04],
             without: &[],
@@ -144,7 +140,6 @@ impl Policy {
                 rule: Rule::Plain,
                 // Method 6.12; 3DGS-MCMC: 25,000.
                 densify_until: 20_000,
-                overshoot: 2.5,
                 // 3DGS-MCMC; not measured.
                 opacity_floor: [0.005; 2],
                 without: &["splitting", "growth", "pruning"],

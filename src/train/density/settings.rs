@@ -75,8 +75,8 @@ pub struct DensityConfig {
     pub floor_db: f64,
     /// Whether pruning merges neighbours that lie in one plane. Default on (method 6.16).
     pub merge: bool,
-    /// How far growth may exceed a budget of parameters, which pruning then meets, as a factor. Default: what the policy says.
-    pub overshoot: Option<f64>,
+    /// How far growth may exceed a budget of parameters, which pruning then meets, as a factor. Default 2.5 (method 6.15).
+    pub overshoot: f64,
     /// Quantile above which the error of a splat is high. Maps of such splats may be refined and are not coarsened; without a budget
     /// of parameters, only such splats are split. Default 0.6 (method 6.6; paper: 0.85, for Tanks & Temples 0.6).
     pub quantile: f64,
@@ -124,7 +124,7 @@ impl Default for DensityConfig {
             prune_db: 0.05,
             floor_db: 40.0,
             merge: true,
-            overshoot: None,
+            overshoot: 2.5,
             quantile: 0.6,
             min_texel_px: 2.0,
             alpha_texture: 0.25,

@@ -68,7 +68,7 @@ pub fn spec(budget: &Budget, fewest: u32) -> RuleSpec {
         epoch: [fewest, 50],
         split_share: SplitShare::Scheduled,
         splits_any_length: false,
-        is_paced: true,
+        is_paced: false,
         ends_by_need: true,
         crops_between: false,
     };
