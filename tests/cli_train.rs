@@ -215,7 +215,7 @@ fn a_time_is_kept_from_start_to_exit_and_progress_can_be_json() {
     let (capture, out) = (place.path("capture"), place.path("run"));
     // Probing GPUs may make drivers write to standard error.
     let arguments =
-        [&["train", &capture, "-o", &out, "--time", "40s", "--device", "cpu"][..], &["--log-format", "json"]]
+        [&["train", &capture, "-o", &out, "--time", "20s", "--device", "cpu"][..], &["--log-format", "json"]]
             .concat();
     let (code, _, stderr) = run(&arguments);
     assert_eq!(code, 0, "{stderr}");
@@ -239,12 +239,12 @@ fn a_time_is_kept_from_start_to_exit_and_progress_can_be_json() {
     let again =
         |time: &[&str]| run(&[&["train", &capture, "-o", &out, "--resume-or-start"][..], time].concat());
     let settings = fs::read(place.path("run/config.toml")).unwrap();
-    for (time, is_told) in [(&["--time", "50s"][..], true), (&["--time", "40s"], false), (&[], false)] {
+    for (time, is_told) in [(&["--time", "30s"][..], true), (&["--time", "20s"], false), (&[], false)] {
         let (code, _, stderr) = again(time);
         let told = stderr.contains("warning[finished-with-other-settings]") && stderr.contains("(time)");
         assert!(code == 0 && told == is_told, "{time:?}: {stderr}");
     }
-    let (code, _, stderr) = run(&["train", "--resume", &out, "--time", "50s"]);
+    let (code, _, stderr) = run(&["train", "--resume", &out, "--time", "30s"]);
     assert!(code == 2 && stderr.contains("--time: the run has all of its"), "{stderr}");
     assert!(fs::read(place.path("run/config.toml")).unwrap() == settings);
     // The folder is taken now.
@@ -364,7 +364,7 @@ fn a_killed_run_is_resumed_to_the_bytes_of_an_uninterrupted_one() {
     place.train("whole", &[&length, "--set", "save-secs=3"]);
     assert!(last == bytes_of(place.path(&format!("whole/checkpoints/{}", names("whole")[0]))));
     // A run with a time: as its plan says, in one go.
-    let last = killed("planned", &["--time", "40s"]).unwrap();
+    let last = killed("planned", &["--time", "20s"]).unwrap();
     let (plan, again) = (place.path("planned/config.toml"), place.path("again"));
     ok(&["train", "--config", &plan, "-o", &again, "--device", "cpu", "-q"]);
     assert!(last == bytes_of(place.path(&format!("again/checkpoints/{}", names("again")[0]))));

@@ -8,12 +8,14 @@ use std::path::PathBuf;
 use std::process::Command;
 use std::sync::OnceLock;
 
-/// The program `litetex`, built if need be: `cargo test --package litetex-lab` builds no binary of another package.
+/// The program `litetex`, built if need be: `cargo test --package litetex-lab` builds no binary of another package. It is built as
+/// for a test of its own, with the features that the tests of the workspace have in common: otherwise it would be another
+/// program, built again.
 pub fn litetex() -> &'static PathBuf {
     static BUILT: OnceLock<PathBuf> = OnceLock::new();
     BUILT.get_or_init(|| {
         let mut build = Command::new(env!("CARGO"));
-        build.args(["build", "--quiet", "--profile", "test", "--package", "litetex-gs", "--bin", "litetex"]);
+        build.args(["test", "--quiet", "--workspace", "--no-run", "--test", "imports"]);
         if !cfg!(feature = "gpu") {
             build.arg("--no-default-features");
         }
