@@ -74,7 +74,7 @@ impl ExpectedSize {
             let part = ((share - GROWTH[0]) / (GROWTH[1] - GROWTH[0])).clamp(0.0, 1.0);
             self.initial + part * (self.grown - self.initial)
         };
-        (now + grown(share) - grown(then)).max(1.0)
+        (now + (grown(share) - grown(then))).max(1.0)
     }
 }
 
