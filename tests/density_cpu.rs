@@ -84,8 +84,8 @@ fn a_budget_of_parameters_gives_the_same_bytes_too() {
 }
 
 #[test]
-fn budgets_are_spent_evenly_from_any_initial_size() {
-    let policy = Policy::Fixed(8);
+fn published_rules_spend_budgets_evenly_from_any_initial_size() {
+    let policy = Policy::Paper;
     let first = start(policy);
     let size = first.model.num_params();
     // Parameters and splits after the first density-control step, at a quarter of the time to the end of

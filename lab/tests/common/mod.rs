@@ -8,9 +8,9 @@ use std::path::PathBuf;
 use std::process::Command;
 use std::sync::OnceLock;
 
-/// The program `litetex`, built if need be: `cargo test --package litetex-lab` builds no binary of another package. It is built as
-/// for a test of its own, with the features that the tests of the workspace have in common: otherwise it would be another
-/// program, built again.
+/// The program `litetex`, built if need be: `cargo test --package litetex-lab` builds no binary of another package. It is built for
+/// its test `imports`, with the features that all tests of the workspace have in common: those of `cargo build` are others, and
+/// the tests of the workspace would build it twice.
 pub fn litetex() -> &'static PathBuf {
     static BUILT: OnceLock<PathBuf> = OnceLock::new();
     BUILT.get_or_init(|| {
