@@ -99,10 +99,13 @@ fn published_rules_spend_budgets_evenly_from_any_initial_size() {
         let (counts, splats, texels) = run(&config, first.clone(), 2).steps[0];
         (ModelSize { texels, ..ModelSize::uniform(splats, 1, config.sh_degree) }.params(), counts.split)
     };
-    let (params, split) = after_the_first(3 * size);
+    let (free, _) = after_the_first(1_000 * size);
+    let growth = free - size;
+    // Room for twice that growth, of which a quarter may be used: half of the growth.
+    let (params, split) = after_the_first(size + 2 * growth);
     assert!(
-        split > 0 && params > size && params <= size + 2 * size / 4,
-        "{split} splits: {params} of {size}"
+        split > 0 && params > size && params <= size + growth / 2,
+        "{split} splits: {params} of {size}, {free} without a bound"
     );
     // Negative control: a budget that is used up.
     assert_eq!(after_the_first(size), (size, 0));
