@@ -198,13 +198,6 @@ impl Budget {
         }
     }
 
-    /// How many times as many splats of the mean size fit as a model of this size has.
-    pub fn room(&self, now: &ModelSize) -> f64 {
-        let by =
-            |most: Option<usize>, now: usize| most.map_or(f64::INFINITY, |most| most as f64 / now as f64);
-        by(self.max_splats, now.splats).min(by(self.max_params, now.params()))
-    }
-
     /// Largest number of splats, with `texels_each` texels each, that fits.
     pub fn most_splats(&self, texels_each: usize, sh_degree: u32) -> usize {
         let by = |most: Option<usize>, each: usize| most.map_or(usize::MAX, |m| m / each.max(1));

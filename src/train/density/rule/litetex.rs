@@ -7,7 +7,7 @@ use crate::train::density::draw::draw_order;
 use crate::train::density::ops::band;
 use crate::train::density::ops::map::{self, Moments};
 use crate::train::density::ops::split::{Profile, split_any, split_long};
-use crate::train::density::plan::{Plan, PlannedSplat, cost, size_of};
+use crate::train::density::plan::{Plan, PlannedSplat, cost};
 use crate::train::density::settings::Budget;
 use crate::train::density::situation::{DensityCounts, Revision, Situation};
 use crate::train::density::stats::ErrorMeasure;
@@ -18,10 +18,6 @@ use rayon::prelude::*;
 const FIRST_MAP_GAIN: f64 = 1.0;
 const REFINED_GAIN: f64 = 0.25;
 const BAND_GAIN: f64 = 1.0;
-
-/// Weight of a map beside a split of the same splat, while the budget has room for all splits of a step. Draws may overrate maps, but
-/// then every map is taken that is offered (measured: lab/choices.md 30).
-const MAP_BESIDE_SPLIT: f64 = 0.25;
 
 /// Length in finest texels above which a splat may be split to replace a pruned one. Not measured.
 const RESPAWN_TEXELS: f64 = 2.0;
@@ -51,10 +47,6 @@ enum Kind {
 }
 
 impl Kind {
-    fn is_map(self) -> bool {
-        matches!(self, Self::FirstMap | Self::Refined)
-    }
-
     /// The share of a splat's error that it removes, over the share that a split removes.
     fn gain(self) -> f64 {
         match self {
@@ -106,8 +98,6 @@ pub fn revise(s: &Situation<'_>) -> Revision {
 /// What all splats could become, without what is expected to gain nothing.
 fn all_offers(s: &Situation<'_>, prepared: &mut Prepared) -> Vec<Offer> {
     let Prepared { scores, pixels, high_error, may_gain_band, planned, .. } = prepared;
-    let room = s.budget.room(&size_of(planned.iter().flatten()));
-    let fits_all_splits = s.timing.split_texels.is_none() && room > 1.0 + SPLIT_RATE;
     let of_splat = |planned: &mut Option<PlannedSplat>| {
         let Some(planned) = planned else { return Vec::new() };
         let splat = planned.source as usize;
@@ -116,13 +106,7 @@ fn all_offers(s: &Situation<'_>, prepared: &mut Prepared) -> Vec<Offer> {
             let weight = kind.gain() * scores.error[splat] / cost(&s.charge, planned, &parts);
             Offer { splat, kind, parts, weight }
         };
-        let mut offers: Vec<_> = found.into_iter().map(offer).filter(|offer| offer.weight > 0.0).collect();
-        if fits_all_splits {
-            let of_split =
-                offers.iter().find(|offer| offer.kind == Kind::Split).map_or(0.0, |split| split.weight);
-            offers.retain(|offer| !offer.kind.is_map() || MAP_BESIDE_SPLIT * offer.weight >= of_split);
-        }
-        offers
+        found.into_iter().map(offer).filter(|offer| offer.weight > 0.0).collect()
     };
     planned.par_iter_mut().with_min_len(SPLATS_PER_TASK).flat_map_iter(of_splat).collect()
 }

@@ -131,24 +131,3 @@ fn splits_finer_maps_and_bands_compete() {
     let [none, more, _] = counts(0.5, Timing { max_splits: 0, ..timing }, 36);
     assert!(none == 0 && more > 2 * maps, "{none} {more}");
 }
-
-#[test]
-fn maps_wait_while_there_is_room_for_all_splits_unless_splits_cost_much() {
-    // First maps of 12 parameters, beside splits of 22 (SH degree 1) or 58 (3).
-    let (mut model, cameras) = (model(2), [camera()]);
-    model.textures = TexturePool::neutral(vec![TextureMap::default(); N]).unwrap();
-    let statistics = window(std::array::from_fn(|i| 0.5 + 0.01 * i as f32));
-    let histories = vec![SplatHistory::first(64); N];
-    let config = DensityConfig { coarsen_below: 0.0, quantile: 0.0, ..settings() };
-    let timing = Timing { split_texels: None, max_splits: 2, ..TIMING };
-    let mut refined = |sh_degree: u8, room: f64| {
-        model.splats.set_sh_degrees(&[sh_degree; N]);
-        let budget =
-            Budget { max_params: Some((room * model.num_params() as f64) as usize), ..Budget::default() };
-        let s = situation(&model, &histories, &statistics, &cameras, &config);
-        litetex::revise(&Situation { timing, budget, ..s }).counts.refined
-    };
-    assert_eq!(refined(1, 1.2), 0);
-    assert!(refined(1, 1.15) > 0, "not all splits of a step fit");
-    assert!(refined(3, 1.2) > 0, "splits cost much");
-}
