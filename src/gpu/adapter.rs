@@ -19,9 +19,17 @@ pub struct AdapterChoice {
 }
 
 impl AdapterChoice {
-    /// Whether it is driven through Vulkan.
-    pub(super) fn is_vulkan(&self) -> bool {
-        self.adapter.get_info().backend == wgpu::Backend::Vulkan
+    /// Whether accesses beyond a buffer do no harm, whatever a kernel does: wgpu opens Vulkan devices with robustBufferAccess2 where
+    /// the driver has it.
+    #[allow(unsafe_code, reason = "wgpu does not say otherwise which extensions a driver has")]
+    pub(super) fn bounds_buffers(&self) -> bool {
+        #[cfg(target_vendor = "apple")]
+        return false;
+        #[cfg(not(target_vendor = "apple"))]
+        // SAFETY: the adapter is only asked, not destroyed.
+        unsafe { self.adapter.as_hal::<wgpu::hal::api::Vulkan>() }.is_some_and(|adapter| {
+            adapter.physical_device_capabilities().supports_extension(c"VK_EXT_robustness2")
+        })
     }
 }
 

@@ -141,7 +141,7 @@ impl Backend for GpuBackend {
             })
             .collect();
         let buffer = self.resources.buffer(Buf::Statistics);
-        self.device.queue.write_buffer(buffer, 0, bytemuck::cast_slice(&values));
+        self.device.write(buffer, 0, bytemuck::cast_slice(&values))?;
         self.window_views = statistics.views;
         Ok(())
     }

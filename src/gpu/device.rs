@@ -367,9 +367,9 @@ impl GpuDevice {
             ..wgpu::ShaderRuntimeChecks::checked()
         };
         // SAFETY: the shaders are our own. By inspection, not by test: every loop counts up to a bound or down to
-        // zero, and every divisor is positive. Indices of buffers that are not checked here are checked by the device:
-        // wgpu opens all Vulkan devices with robust buffer access. Indices of workgroup and local arrays are the
-        // invocation's number, or loop counters, digits and columns bounded by the length; twins test the kernels both ways.
+        // zero, and every divisor is positive. Indices of buffers that are not checked here are checked by the device
+        // (`AdapterChoice::bounds_buffers`). Indices of workgroup and local arrays are the invocation's number, or loop counters,
+        // digits and columns bounded by the length; twins test the kernels both ways.
         unsafe { self.device.create_shader_module_trusted(descriptor, checks) }
     }
 }

@@ -47,8 +47,8 @@ pub struct GpuOptions {
     pub most_pairs: Option<u64>,
 }
 
-/// Least bytes of a pair in the largest buffer that must hold all pairs at once, which limits the number of rounds
-/// ([`super::view_buffers::MOST_ROUNDS`]). Its splat and its texel window take as many (`shaders/common/projected.wgsl`).
+/// Least bytes of a pair in the largest buffer that must hold all pairs at once, which limits the number of turns
+/// ([`super::view_buffers::MOST_TURNS`]). Its splat and its texel window take as many (`shaders/common/projected.wgsl`).
 pub(super) const LEAST_PAIR_BYTES: u64 = 12;
 
 /// Subgroups of fewer lanes do not pay: more sums go through workgroup memory.
@@ -75,8 +75,9 @@ impl Form {
     pub(super) fn choose(device: &GpuDevice, options: &GpuOptions) -> Result<(Self, RasterKernels)> {
         let hardware = options.hardware_kernels.unwrap_or(device.choice.hardware);
         let sum_lanes = sum_lanes(device.subgroup_lanes(), hardware, options.sum_lanes)?;
-        let unchecked =
-            options.unchecked_indices.unwrap_or_else(|| device.choice.hardware && device.choice.is_vulkan());
+        let unchecked = options
+            .unchecked_indices
+            .unwrap_or_else(|| device.choice.hardware && device.choice.bounds_buffers());
         let form = Self {
             tile_rows_px: if hardware { TILE_PX } else { HALF_TILE_ROWS_PX },
             sum_lanes,

@@ -54,6 +54,7 @@ mod view_buffers;
 #[cfg(test)]
 mod visible_tests;
 mod web;
+mod writing;
 
 pub use adapter::{AdapterChoice, Adapters, UnfitAdapter};
 pub use device::{DeviceWork, GpuDevice, LimitChoice};

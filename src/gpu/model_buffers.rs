@@ -100,7 +100,7 @@ pub(super) fn splat_infos(model: &Model, last_step: impl Fn(usize) -> u32) -> Ve
 /// A new buffer that contains `values`.
 pub(super) fn filled<T: bytemuck::Pod>(device: &GpuDevice, what: &str, values: &[T]) -> Result<wgpu::Buffer> {
     let buffer = device.buffer(what, values.len() as u64, size_of::<T>() as u64)?;
-    device.queue.write_buffer(&buffer, 0, bytemuck::cast_slice(values));
+    device.write(&buffer, 0, bytemuck::cast_slice(values))?;
     Ok(buffer)
 }
 

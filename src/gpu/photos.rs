@@ -4,9 +4,9 @@
 use super::device::GpuDevice;
 use super::kernels::Buf;
 use super::resources::Resources;
-use crate::Result;
 use crate::backend::TargetImage;
 use crate::image::ALPHA_LEVELS;
+use crate::{Error, Result};
 use rayon::prelude::*;
 
 /// Identity of a cached photo: its number and its size, since a photo may be used at several sizes.
@@ -63,7 +63,19 @@ struct PhotoSlot {
 pub(super) struct PhotoPool {
     resident: Vec<ResidentPhoto>,
     capacity_px: u64,
+    /// Once the device has refused a larger pool.
+    most_px: Option<u64>,
     next_px: u64,
+}
+
+/// What a batch wants of the pool.
+struct Wanted {
+    /// How many of its photos, counted from the first, can be in the pool at once.
+    fitting: usize,
+    /// Pixels of these.
+    needed_px: u64,
+    /// Capacity that the pool should have.
+    ample_px: u64,
 }
 
 const PIXEL_BYTES: u64 = 4;
@@ -75,14 +87,14 @@ const POOL_MAX_BYTES: u64 = 2 << 30;
 impl PhotoPool {
     /// Forgets all photos.
     pub(super) fn forget(&mut self) {
-        *self = Self { capacity_px: self.capacity_px, ..Self::default() };
+        *self = Self { capacity_px: self.capacity_px, most_px: self.most_px, ..Self::default() };
     }
 
     /// Makes room for the photos of a batch to be resident at once. Returns how many of them, counted from the
     /// first, fit into the largest pool that the device allows.
     ///
     /// # Errors
-    /// [`crate::Error::Device`] if not even the first fits.
+    /// [`Error::DeviceFull`] if not even the first fits.
     pub(super) fn prepare(
         &mut self,
         device: &GpuDevice,
@@ -92,22 +104,44 @@ impl PhotoPool {
         let most = device.most_buffer_bytes().min(POOL_MAX_BYTES);
         self.forget_used();
         let keys = PhotoKey::all(batch);
-        let (fitting, wanted_px) = self.wanted(&keys, most / PIXEL_BYTES);
-        if wanted_px > self.capacity_px {
-            let pool = device.buffer("photos, pixels", wanted_px, PIXEL_BYTES)?;
-            if self.capacity_px > 0 {
-                // Photos stay where they are.
-                device.copy_all(std::iter::once((resources.buffer(Buf::Photo), &pool)));
-            }
-            resources.set(Buf::Photo, pool);
-            self.capacity_px = wanted_px;
+        let wanted = self.wanted(&keys, self.most_px.unwrap_or(most / PIXEL_BYTES));
+        if wanted.ample_px > self.capacity_px {
+            self.grow(&wanted, |capacity_px, keeps_photos| {
+                if !keeps_photos {
+                    resources.remove(Buf::Photo);
+                }
+                let pool = device.buffer("photos, pixels", capacity_px, PIXEL_BYTES)?;
+                if keeps_photos {
+                    // They stay where they are.
+                    device.copy_all(std::iter::once((resources.buffer(Buf::Photo), &pool)));
+                }
+                resources.set(Buf::Photo, pool);
+                Ok(())
+            })?;
         }
-        Ok(fitting)
+        Ok(wanted.fitting)
     }
 
-    /// How many photos of a batch, counted from the first, a pool of at most `most_px` pixels can hold at once, and
-    /// the capacity that the pool should have for them.
-    fn wanted(&self, batch: &[PhotoKey], most_px: u64) -> (usize, u64) {
+    /// Grows the pool. `allocate` is told a capacity in pixels, and whether photos are kept. Where memory fails, photos make room for
+    /// one another.
+    fn grow(&mut self, wanted: &Wanted, mut allocate: impl FnMut(u64, bool) -> Result<()>) -> Result<()> {
+        match allocate(wanted.ample_px, self.capacity_px > 0) {
+            Ok(()) => self.capacity_px = wanted.ample_px,
+            Err(Error::DeviceFull(_)) if wanted.needed_px <= self.capacity_px => {
+                self.most_px = Some(self.capacity_px);
+            }
+            Err(Error::DeviceFull(_)) => {
+                *self = Self::default();
+                allocate(wanted.needed_px, false)?;
+                (self.capacity_px, self.most_px) = (wanted.needed_px, Some(wanted.needed_px));
+            }
+            Err(error) => return Err(error),
+        }
+        Ok(())
+    }
+
+    /// What a batch wants of a pool of at most `most_px` pixels.
+    fn wanted(&self, batch: &[PhotoKey], most_px: u64) -> Wanted {
         let (mut distinct, mut fitting): (Vec<PhotoKey>, usize) = (Vec::new(), 0);
         for &key in batch {
             if !distinct.contains(&key) {
@@ -126,9 +160,10 @@ impl PhotoPool {
             + missing.map(|k| k.num_px()).sum::<u64>();
         let wanted_px = seen_px.max(2 * needed_px).min(most_px).max(needed_px);
         if wanted_px > self.capacity_px {
-            return (fitting, (2 * self.capacity_px).clamp(wanted_px, most_px.max(wanted_px)));
+            let ample_px = (2 * self.capacity_px).clamp(wanted_px, most_px.max(wanted_px));
+            return Wanted { fitting, needed_px, ample_px };
         }
-        (fitting, wanted_px)
+        Wanted { fitting, needed_px, ample_px: wanted_px }
     }
 
     /// Uploads the photos of a batch that are not resident, and returns the first pixel of each in the pool. The
@@ -147,7 +182,12 @@ impl PhotoPool {
         for ((_, target), slot) in batch.iter().zip(&slots).filter(|(_, slot)| slot.is_new) {
             device.count(|work| &work.photos);
             let words = packed(target);
-            device.queue.write_buffer(pool, slot.first_px * PIXEL_BYTES, bytemuck::cast_slice(&words));
+            let written = device.write(pool, slot.first_px * PIXEL_BYTES, bytemuck::cast_slice(&words));
+            if let Err(error) = written {
+                // Those not written yet count as resident.
+                self.forget();
+                return Err(error);
+            }
         }
         Ok(slots.iter().map(|slot| slot.first_px as u32).collect())
     }
@@ -275,7 +315,7 @@ mod tests {
         let mut pool = FilledPool::new(100);
         for _ in 0..3 {
             pool.pool.forget_used();
-            assert_eq!(pool.pool.wanted(&[key(0, 30), once(1)], 1_000).1, 100, "as at first");
+            assert_eq!(pool.pool.wanted(&[key(0, 30), once(1)], 1_000).ample_px, 100, "as at first");
             let seen = pool.place(&[key(0, 30), once(1), once(2)]);
             assert!(seen >= 2, "{seen}");
         }
@@ -323,10 +363,40 @@ mod tests {
 
     #[test]
     fn the_pool_holds_a_whole_batch_or_what_the_device_allows() {
-        let pool = PhotoPool::default();
-        assert_eq!(pool.wanted(&[key(0, 10), key(1, 20), key(0, 10)], 1_000), (3, 60));
-        assert_eq!(pool.wanted(&[key(0, 10), key(1, 20), key(2, 10)], 35), (2, 35));
+        let wanted = |batch: &[PhotoKey], most_px| {
+            let wanted = PhotoPool::default().wanted(batch, most_px);
+            (wanted.fitting, wanted.needed_px, wanted.ample_px)
+        };
+        assert_eq!(wanted(&[key(0, 10), key(1, 20), key(0, 10)], 1_000), (3, 30, 60));
+        assert_eq!(wanted(&[key(0, 10), key(1, 20), key(2, 10)], 35), (2, 30, 35));
         // Too large for the device, which reports its size when the pool is allocated.
-        assert_eq!(pool.wanted(&[key(0, 10)], 5), (1, 10));
+        assert_eq!(wanted(&[key(0, 10)], 5), (1, 10, 10));
+    }
+
+    #[test]
+    fn a_device_without_room_for_a_larger_pool_keeps_the_photos_that_fit() {
+        // Bytes for 100 pixels, in the old pool and the new one together.
+        let allocate = |held_px: u64| {
+            move |px: u64, keeps_photos: bool| match px + if keeps_photos { held_px } else { 0 } {
+                0..=100 => Ok(()),
+                _ => Err(Error::DeviceFull("full".into())),
+            }
+        };
+        let mut filled = FilledPool::new(40);
+        filled.place(&[key(0, 20)]);
+        // A larger pool would hold both photos twice; this one holds both.
+        let wanted = filled.pool.wanted(&[key(0, 20), key(1, 20)], 1_000);
+        assert!((wanted.needed_px, wanted.ample_px) == (40, 80));
+        filled.pool.grow(&wanted, allocate(40)).unwrap();
+        assert_eq!((filled.pool.capacity_px, filled.pool.most_px), (40, Some(40)));
+        assert_eq!(filled.place(&[key(0, 20), key(1, 20)]), 1, "one was there");
+        // A batch that the pool does not hold takes the place of all photos.
+        let wanted = filled.pool.wanted(&[key(2, 70)], 40);
+        filled.pool.grow(&wanted, allocate(40)).unwrap();
+        assert_eq!((filled.pool.capacity_px, filled.pool.resident.len()), (70, 0));
+        // Negative control: more than the device holds.
+        let wanted = filled.pool.wanted(&[key(3, 101)], 1_000);
+        assert!(matches!(filled.pool.grow(&wanted, allocate(70)), Err(Error::DeviceFull(_))));
+        assert_eq!(filled.pool.capacity_px, 0, "the next batch begins anew");
     }
 }

@@ -49,9 +49,7 @@ impl Saved {
         if self.has_shape_of(&backend.shape) {
             let pairs = self.buffers.iter().map(|(name, saved)| (saved, backend.resources.buffer(*name)));
             backend.device.copy_all(pairs);
-            let statistics = backend.resources.buffer(Buf::Statistics);
-            let zeros = vec![0_u8; statistics.size() as usize];
-            backend.device.queue.write_buffer(statistics, 0, &zeros);
+            backend.device.clear(backend.resources.buffer(Buf::Statistics));
             backend.adopt(self.shape.clone(), self.clock.clone());
             return backend.device.check();
         }
