@@ -292,7 +292,7 @@ pub trait Backend {
     /// Replaces the model and the optimiser state.
     ///
     /// # Errors
-    /// [`crate::Error::Device`] with counts if they do not fit.
+    /// [`crate::Error::DeviceFull`] with counts if they do not fit, [`crate::Error::Device`] if the device fails.
     fn upload(&mut self, model: &Model, adam: &AdamState) -> Result<()>;
 
     /// Forgets the photos seen so far, whose numbers may from now on mean others.
@@ -301,26 +301,28 @@ pub trait Backend {
     /// Copies model and optimiser state.
     ///
     /// # Errors
-    /// [`crate::Error::Device`] if memory or the device fails.
+    /// [`crate::Error::DeviceFull`] if memory does not suffice, [`crate::Error::Device`] if the device fails.
     fn save(&mut self) -> Result<SavedState>;
 
     /// Returns to a state that this backend saved, and begins a new statistics window.
     ///
     /// # Errors
-    /// [`crate::Error::Usage`] if another backend saved it, [`crate::Error::Device`] if memory or the device fails.
+    /// [`crate::Error::Usage`] if another backend saved it, [`crate::Error::DeviceFull`] if memory does not suffice,
+    /// [`crate::Error::Device`] if the device fails.
     fn restore(&mut self, saved: &SavedState) -> Result<()>;
 
     /// Renders the model after the last step. Does not change a bit of later steps.
     ///
     /// # Errors
-    /// [`crate::Error::Device`] if memory or the device fails.
+    /// [`crate::Error::DeviceFull`] if memory does not suffice, [`crate::Error::Device`] if the device fails.
     fn render(&mut self, camera: &Camera, options: &RenderOptions) -> Result<RenderedImage>;
 
     /// Mean squared difference between each view of the model after the last step and its photo, over pixels and channels;
     /// pixels that the mask leaves out differ by 0. Does not change a bit of later steps.
     ///
     /// # Errors
-    /// [`crate::Error::Device`] if memory or the device fails, [`crate::Error::Usage`] if photo and camera differ in size.
+    /// [`crate::Error::DeviceFull`] if memory does not suffice, [`crate::Error::Device`] if the device fails,
+    /// [`crate::Error::Usage`] if photo and camera differ in size.
     fn squared_errors(&mut self, views: &[ComparedView<'_>]) -> Result<Vec<f64>> {
         let of_view = |view: &ComparedView<'_>| {
             let &ComparedView { target, background, sh_degree, .. } = view;
@@ -336,7 +338,7 @@ pub trait Backend {
     /// and a statistics window of no use. Returns what losing parts of each splat costs, summed over the probes. `[n]`
     ///
     /// # Errors
-    /// Those of the probes; [`crate::Error::Device`] if memory or the device fails.
+    /// Those of the probes; [`crate::Error::DeviceFull`] if memory does not suffice, [`crate::Error::Device`] if the device fails.
     fn probe(&mut self, probes: &mut dyn Iterator<Item = Result<Probe>>) -> Result<Vec<Costs>>;
 
     /// Does a training step: forward, loss, backward, Adam.
@@ -376,13 +378,14 @@ pub trait Backend {
     /// [`Backend::set_statistics`]. Does not reset them.
     ///
     /// # Errors
-    /// [`crate::Error::Device`] if the device fails.
+    /// [`crate::Error::DeviceFull`] if memory does not suffice, [`crate::Error::Device`] if the device fails.
     fn read_statistics(&mut self) -> Result<WindowStatistics>;
 
     /// Replaces the sums of the window, to continue one or, with zeros, to begin one.
     ///
     /// # Errors
-    /// [`crate::Error::Usage`] if their length does not match the model, [`crate::Error::Device`] if the device fails.
+    /// [`crate::Error::Usage`] if their length does not match the model, [`crate::Error::DeviceFull`] if memory does not
+    /// suffice, [`crate::Error::Device`] if the device fails.
     fn set_statistics(&mut self, statistics: &WindowStatistics) -> Result<()>;
 
     /// Carries out a density-control plan and begins a new statistics window.
@@ -396,12 +399,12 @@ pub trait Backend {
     /// last steps did not see may lag behind ([`AdamState::last_step`]), see [`Backend::read_flushed`].
     ///
     /// # Errors
-    /// [`crate::Error::Device`] if the device fails.
+    /// [`crate::Error::DeviceFull`] if memory does not suffice, [`crate::Error::Device`] if the device fails.
     fn read_back(&mut self) -> Result<(Model, AdamState)>;
 
     /// Reads the model with all lazy updates done, as it is rendered, evaluated and exported.
     ///
     /// # Errors
-    /// [`crate::Error::Device`] if the device fails.
+    /// [`crate::Error::DeviceFull`] if memory does not suffice, [`crate::Error::Device`] if the device fails.
     fn read_flushed(&mut self) -> Result<Model>;
 }

@@ -13,12 +13,22 @@ use litetex_gs::camera::Camera;
 use litetex_gs::cpu::CpuBackend;
 use litetex_gs::model::{AdamState, Model};
 use litetex_gs::selftest::{RandomScene, SceneOptions, random_scene};
+use litetex_gs::train::density::Budget;
 use litetex_gs::train::{
-    Control, DeviceBound, GROWTH_ENDED, Policy, SMALLER_IMAGES, StopReason, TrainConfig, TrainEvent,
-    TrainState, checkpoint, train,
+    Control, DeviceBound, GROWTH_ENDED, Policy, SMALLER_IMAGES, Schedule, StopReason, TrainConfig,
+    TrainEvent, TrainState, checkpoint, train,
 };
 use litetex_gs::{Error, Result};
 use std::collections::BTreeMap;
+
+/// What may be refused by its number.
+#[derive(Clone, Copy, PartialEq)]
+enum Call {
+    Save,
+    ReadBack,
+    ReadStatistics,
+    ReadFlushed,
+}
 
 /// What a device has room for.
 #[derive(Clone, Copy)]
@@ -27,20 +37,40 @@ struct Room {
     pairs: u64,
     /// Splats of a model after a plan.
     splats: usize,
-    /// Readings of the model, counted from 1, for which there is none.
-    refused_reading: usize,
+    /// Calls for which there is none, from one number to another, counted from 1.
+    refused: Option<(Call, [usize; 2])>,
     /// Whether there is room for images.
     images: bool,
 }
 
-const PLENTY: Room = Room { pairs: u64::MAX, splats: usize::MAX, refused_reading: 0, images: true };
+const PLENTY: Room = Room { pairs: u64::MAX, splats: usize::MAX, refused: None, images: true };
 
 /// The CPU backend with little room.
 struct Small {
     inner: CpuBackend,
     room: Room,
     batch: usize,
-    readings: usize,
+    /// Calls of the kind that is refused.
+    calls: usize,
+    /// Smaller side of the smallest images of a step.
+    side_px: u32,
+}
+
+impl Small {
+    fn new(room: Room, batch: usize) -> Self {
+        Self { inner: CpuBackend::new(Some(2)).unwrap(), room, batch, calls: 0, side_px: u32::MAX }
+    }
+
+    /// Refuses a call whose number is among those refused.
+    fn check(&mut self, call: Call) -> Result<()> {
+        match self.room.refused {
+            Some((refused, [first, last])) if refused == call => {
+                self.calls += 1;
+                if (first..=last).contains(&self.calls) { no_room("reading; use less") } else { Ok(()) }
+            }
+            _ => Ok(()),
+        }
+    }
 }
 
 fn no_room<T>(what: &str) -> Result<T> {
@@ -58,6 +88,7 @@ impl Backend for Small {
         self.inner.upload(model, adam)
     }
     fn save(&mut self) -> Result<SavedState> {
+        self.check(Call::Save)?;
         self.inner.save()
     }
     fn restore(&mut self, saved: &SavedState) -> Result<()> {
@@ -73,6 +104,8 @@ impl Backend for Small {
         self.batch
     }
     fn step(&mut self, request: &StepRequest<'_>) -> Result<StepReport> {
+        let pinhole = request.camera.pinhole;
+        self.side_px = self.side_px.min(pinhole.width_px).min(pinhole.height_px);
         let (before, window) = (self.inner.save()?, self.inner.read_statistics()?);
         let report = self.inner.step(request)?;
         if report.counters.tile_pairs <= self.room.pairs {
@@ -83,6 +116,7 @@ impl Backend for Small {
         no_room("too many pairs")
     }
     fn read_statistics(&mut self) -> Result<WindowStatistics> {
+        self.check(Call::ReadStatistics)?;
         self.inner.read_statistics()
     }
     fn set_statistics(&mut self, statistics: &WindowStatistics) -> Result<()> {
@@ -92,15 +126,12 @@ impl Backend for Small {
         if plan.sources.len() > self.room.splats { no_room("plan") } else { self.inner.apply_plan(plan) }
     }
     fn read_back(&mut self) -> Result<(Model, AdamState)> {
+        self.check(Call::ReadBack)?;
         self.inner.read_back()
     }
     fn read_flushed(&mut self) -> Result<Model> {
-        self.readings += 1;
-        if self.readings == self.room.refused_reading {
-            no_room("reading")
-        } else {
-            self.inner.read_flushed()
-        }
+        self.check(Call::ReadFlushed)?;
+        self.inner.read_flushed()
     }
 }
 
@@ -146,7 +177,17 @@ impl Outcome {
 }
 
 fn run(room: Room, batch: usize, views: &MemoryViews, start: TrainState) -> Outcome {
-    let mut backend = Small { inner: CpuBackend::new(Some(2)).unwrap(), room, batch, readings: 0 };
+    run_with(&growing(), room, batch, views, start)
+}
+
+fn run_with(
+    config: &TrainConfig,
+    room: Room,
+    batch: usize,
+    views: &MemoryViews,
+    start: TrainState,
+) -> Outcome {
+    let mut backend = Small::new(room, batch);
     let mut out = Outcome {
         state: start.clone(),
         saved: Vec::new(),
@@ -155,7 +196,7 @@ fn run(room: Room, batch: usize, views: &MemoryViews, start: TrainState) -> Outc
         steps: Vec::new(),
         warnings: Vec::new(),
     };
-    let (state, reason) = train(&growing(), &mut backend, views, start, &mut |event| {
+    let (state, reason) = train(config, &mut backend, views, start, &mut |event| {
         match event {
             TrainEvent::Step { step, report, .. } => {
                 out.steps.push(step);
@@ -183,8 +224,8 @@ fn check(room: Room, codes: &[&str]) -> Outcome {
     assert_eq!(out.steps, (1..=60).collect::<Vec<_>>());
     let same = |other: &Outcome| other.file() == out.file();
     assert!(same(&run(room, 5, &views, start)), "batches");
-    // A reading is refused by its number, which a resumed run counts anew.
-    if room.refused_reading == 0 {
+    // A resumed run counts the calls anew.
+    if room.refused.is_none() {
         let ended = out.saved.iter().filter(|at| at.device.ended_step > 0 || at.device.least_scale > 1.0);
         assert!((1..out.saved.len() + 1).contains(&ended.count()));
         for at in &out.saved {
@@ -264,12 +305,16 @@ fn images_stay_smaller_where_a_step_does_not_fit() {
 
 #[test]
 fn a_model_that_cannot_be_read_is_left_as_it_is() {
-    let out = check(Room { refused_reading: 3, ..PLENTY }, &[GROWTH_ENDED]);
-    assert!(out.splats < unbounded().splats);
+    let plenty = unbounded();
+    for (call, number) in [(Call::ReadFlushed, 3), (Call::ReadStatistics, 3)] {
+        let out = check(Room { refused: Some((call, [number; 2])), ..PLENTY }, &[GROWTH_ENDED]);
+        assert!(out.splats < plenty.splats);
+        let message = &out.warnings[0].1;
+        assert!(message.contains("the model stays at ") && !message.contains("use less"), "{message}");
+    }
     // No room for images of 32 pixels either: the error remains.
     let scene = scene();
-    let room = Room { pairs: 1, ..PLENTY };
-    let mut backend = Small { inner: CpuBackend::new(Some(2)).unwrap(), room, batch: 1, readings: 0 };
+    let mut backend = Small::new(Room { pairs: 1, ..PLENTY }, 1);
     let start = TrainState::fresh(damaged(&scene));
     let mut saved = Vec::new();
     let error = train(&growing(), &mut backend, &photos(&scene), start, &mut |event| {
@@ -280,4 +325,88 @@ fn a_model_that_cannot_be_read_is_left_as_it_is() {
     });
     assert!(matches!(error, Err(Error::DeviceFull(_))));
     assert_eq!(saved, [DeviceBound::default()], "a device with more room goes on in full size");
+    // The next would have 30.
+    assert!((32..38).contains(&backend.side_px), "{} px", backend.side_px);
+}
+
+#[test]
+fn checkpoints_that_cannot_be_read_are_left_out() {
+    let plenty = unbounded();
+    // Density control reads the statistics first, after step 5.
+    for (call, numbers, left_out) in
+        [(Call::ReadBack, [1, 3], 3), (Call::ReadStatistics, [2, 2], 1), (Call::ReadBack, [8, 8], 1)]
+    {
+        let out = check(
+            Room { refused: Some((call, numbers)), ..PLENTY },
+            &["checkpoint-not-saved"].repeat(left_out),
+        );
+        assert_eq!(out.saved.len() + left_out, plenty.saved.len());
+        assert!(out.file() == plenty.file(), "the run is the same");
+        assert!(out.warnings[0].1.contains("another --device"), "{:?}", out.warnings);
+    }
+}
+
+#[test]
+fn rounds_of_pruning_that_do_not_fit_are_left_out() {
+    let scene = scene();
+    let (views, start) = (photos(&scene), TrainState::fresh(damaged(&scene)));
+    let most = start.model.num_params();
+    for budget in [None, Some(most)] {
+        let mut config = growing();
+        config.density.prune_db = TrainConfig::default().density.prune_db;
+        config.budget.max_params = budget;
+        let of = |numbers| {
+            let room = Room { refused: Some((Call::Save, numbers)), ..PLENTY };
+            run_with(&config, room, 3, &views, start.clone())
+        };
+        let plenty = of([0; 2]);
+        assert!(plenty.warnings.is_empty(), "{:?}", plenty.warnings);
+        let rounds = plenty.state.history.pruned.len();
+        let (one, all) = (of([1; 2]), of([1, usize::MAX]));
+        assert_eq!(one.codes(), ["not-pruned"]);
+        assert!(rounds > 1 && all.codes() == ["not-pruned"].repeat(rounds), "{rounds}: {:?}", all.warnings);
+        assert!(one.state.history.pruned.len() < rounds && all.state.history.pruned.is_empty());
+        let params = |out: &Outcome| out.state.model.num_params();
+        println!("{budget:?}: {}, {}, {} parameters", params(&plenty), params(&one), params(&all));
+        assert!(params(&one) < params(&all));
+        if let Some(most) = budget {
+            // The last round makes up for the one left out. Without any, maps may still become small enough.
+            assert!(params(&plenty) <= most && params(&one) <= most);
+        }
+        assert_eq!(all.steps.len(), 60);
+    }
+}
+
+#[test]
+fn the_budget_of_the_warning_keeps_within_the_device() {
+    let scene = scene();
+    let (views, start) = (photos(&scene), TrainState::fresh(damaged(&scene)));
+    let mut config = growing();
+    config.density.prune_db = TrainConfig::default().density.prune_db;
+    let room = Room { splats: 200, ..PLENTY };
+    let of = |config: &TrainConfig| run_with(config, room, 3, &views, start.clone());
+    let out = of(&config);
+    assert_eq!(out.codes(), [GROWTH_ENDED]);
+    let proposed = proposed_by(&out);
+    config.budget = budget(proposed);
+    let most = Schedule::new(&config, 5).budget(&config, 0).max_params.unwrap();
+    let before = out.warnings[0].1.split_once(" parameters").unwrap().0;
+    let ended: usize = before.rsplit(' ').next().unwrap().replace(',', "").parse().unwrap();
+    println!("{proposed} proposed, {most} parameters in growth, which ended with {ended}");
+    assert!(most <= ended && most > ended - 5, "growth may exceed the budget");
+    // It is less than a budget of the user's own that did not keep within the device.
+    let own = start.model.num_params();
+    config.budget = budget(own);
+    let out = of(&config);
+    assert_eq!(out.codes(), [GROWTH_ENDED]);
+    assert!(proposed_by(&out) < own, "{own}: {:?}", out.warnings);
+}
+
+fn proposed_by(out: &Outcome) -> usize {
+    let after = out.warnings[0].1.split_once("--budget-params ").unwrap().1;
+    after.split(' ').next().unwrap().parse().unwrap()
+}
+
+fn budget(max_params: usize) -> Budget {
+    Budget { max_params: Some(max_params), ..Budget::default() }
 }

@@ -24,6 +24,17 @@ fn literals(text: &str, mark: &str) -> BTreeSet<String> {
     codes.filter(|code| code.bytes().all(|b| b.is_ascii_lowercase() || b == b'-')).collect()
 }
 
+/// Codes that stand after a mark as the name of a constant.
+fn constants(text: &str, mark: &str) -> BTreeSet<String> {
+    let name = |rest: &str| {
+        let end = rest.find(|c: char| !(c.is_ascii_uppercase() || c == '_')).unwrap_or(rest.len());
+        rest[..end].to_owned()
+    };
+    let after = text.split(mark).skip(1).map(|rest| name(rest.trim_start()));
+    let used = after.filter(|name| !name.is_empty()).collect::<BTreeSet<_>>();
+    used.iter().flat_map(|name| literals(text, &format!("const {name}: &str ="))).collect()
+}
+
 fn entries(section: &str) -> Vec<String> {
     let page = include_str!("../docs/troubleshooting.md");
     let part = page.split("\n## ").find(|part| part.starts_with(section)).unwrap();
@@ -36,7 +47,10 @@ fn each_warning_and_kind_of_error_has_an_entry() {
     sources(Path::new("src"), &mut text);
     sources(Path::new("lab/src"), &mut text);
     let entries_of_warnings = entries("Warnings");
-    let codes = &literals(&text, "warn(") | &literals(&text, "code: ");
+    let mut codes = &literals(&text, "warn(") | &literals(&text, "code: ");
+    let of_constants = ["warn(", "add_warning(", "code: "].map(|mark| constants(&text, mark));
+    codes.extend(of_constants.into_iter().flatten());
+    assert!(["no-snapshot", "growth-ended-by-device"].iter().all(|code| codes.contains(*code)));
     assert!(codes.len() > 40 && literals("x.warn(\n \"a-b\", 1)", "warn(").contains("a-b"));
     let verdicts = literals(&text, "reason(");
     assert!(verdicts.contains("few-views"));

@@ -2,7 +2,7 @@
 //! no reason to refuse the run, which stops growing where the device has no more room.
 
 use super::resource_estimate::Workload;
-use crate::backend::{DeviceLimits, SceneShape, pairs_of, reach_of, splats_of};
+use crate::backend::{DeviceLimits, SceneShape, pairs_of, reach_of};
 use crate::text::{format_bytes, format_count};
 use crate::train::TrainConfig;
 
@@ -88,7 +88,7 @@ impl DeviceNeed {
 }
 
 /// The need on a GPU at the start and at the size that the model is expected to reach.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct DeviceEstimate {
     /// At the start.
     pub start: DeviceNeed,
@@ -98,6 +98,8 @@ pub struct DeviceEstimate {
     first: Workload,
     #[serde(skip)]
     last: Workload,
+    #[serde(skip)]
+    config: TrainConfig,
 }
 
 impl DeviceEstimate {
@@ -105,7 +107,7 @@ impl DeviceEstimate {
     pub fn new(workload: &Workload, config: &TrainConfig) -> Self {
         let (first, last) = (*workload, workload.grown(config));
         let need = |workload: &Workload| DeviceNeed::new(workload, config.loss.needs_geometry());
-        Self { start: need(&first), grown: need(&last), first, last }
+        Self { start: need(&first), grown: need(&last), first, last, config: config.clone() }
     }
 
     /// What the limits of a device depend on.
@@ -126,13 +128,10 @@ impl DeviceEstimate {
     pub fn doubts(&self, device: &str, limits: &DeviceLimits, side_px: u32) -> Option<String> {
         let (w, most) = (&self.last, limits);
         let mut out = Vec::new();
-        // The splats that fit, by the limits of the splats' buffers and of the pairs'.
-        let mut fitting = w.splats;
         if self.grown.pairs > most.max_pairs {
             let when = if self.start.pairs > most.max_pairs { "from the start" } else { "as it grows" };
             let pixels = pixels_of(reach_of(w.splats as f64, most.max_pairs as f64));
             let side = f64::from(side_px) * (pixels as f64 / w.pixels_max.max(1) as f64).sqrt();
-            fitting = fitting.min(splats_of(most.max_pairs as f64, reach(w.pixels_max)) as u64);
             let smaller = match side as u32 {
                 side if side >= SIDE_MIN_PX => format!(" (--max-resolution {side} fits)"),
                 _ => String::new(),
@@ -152,23 +151,27 @@ impl DeviceEstimate {
                     format_count(need),
                     format_count(fits)
                 ));
-                fitting = fitting.min((w.splats as f64 * fits as f64 / need as f64) as u64);
             }
         }
         if out.is_empty() {
             return None;
         }
-        // A model with as many parameters for each splat.
-        let params = (w.splat_params * w.splats + 3 * w.texels) as f64;
-        let params = (params * fitting as f64 / w.splats.max(1) as f64) as u64;
-        let budget = if fitting > self.first.splats {
-            format!("--budget-params {params} keeps within this")
+        let needs_geometry = self.config.loss.needs_geometry();
+        let fits = |w: &Workload| {
+            let pairs = DeviceNeed::new(w, needs_geometry).pairs;
+            pairs <= most.max_pairs && w.splats <= most.max_splats && w.texels <= most.max_texels
+        };
+        let remedy = match self.first.fitting_budget(&self.config, fits) {
+            Some(params) => format!("--budget-params {params} keeps within this"),
+            None => "lower --max-resolution or max-points".to_owned(),
+        };
+        let then = if self.start.pairs > most.max_pairs {
+            "It is trained on smaller images where steps do not fit, and does not grow then"
         } else {
-            "lower --max-resolution or max-points".to_owned()
+            "It stops growing there"
         };
         Some(format!(
-            "{device} may not hold what the model is expected to become: {}. It stops growing there; {budget}, and another \
-             --device may hold more",
+            "{device} may not hold what the model is expected to become: {}. {then}; {remedy}, or use another --device",
             out.join("; ")
         ))
     }
@@ -227,10 +230,45 @@ mod tests {
         ] {
             assert!(large.contains(part), "{part}: {large}");
         }
+        assert!(grows.contains("stops growing") && !large.contains("stops growing"), "{large}");
+        assert!(large.contains("trained on smaller images"), "{large}");
         // Negative control: larger buffers.
         let plenty = DeviceLimits { max_pairs: 26_000_000, max_splats: 9_000_000, ..limits };
         let estimate = DeviceEstimate::new(&workload(2_000_000, 32_000_000, 1600 * 1200), &config);
         assert_eq!(estimate.doubts("large", &plenty, 1600), None);
         assert!(estimate.describe("large").contains("GiB"), "{}", estimate.describe("large"));
+    }
+
+    #[test]
+    fn the_budget_of_a_doubt_leaves_none() {
+        let limits = DeviceLimits {
+            max_side_px: 16_384,
+            max_pixels: 3_728_270,
+            max_splats: 578_524,
+            max_texels: 1 << 30,
+            max_pairs: 1_000_000,
+        };
+        let start = workload(250_000, 4_000_000, 1600 * 1200);
+        let doubt = |limits: &DeviceLimits, budget: Option<usize>, prune_db: f64| {
+            let mut config = TrainConfig::default();
+            (config.budget.max_params, config.density.prune_db) = (budget, prune_db);
+            DeviceEstimate::new(&start, &config).doubts("small", limits, 1600)
+        };
+        let proposed = |doubt: &str| {
+            let after = doubt.split_once("--budget-params ").unwrap().1;
+            after.split(' ').next().unwrap().parse::<usize>().unwrap()
+        };
+        let few_texels = DeviceLimits { max_texels: 12_000_000, max_pairs: 1 << 40, ..limits };
+        for (limits, prune_db) in [(&limits, 0.0), (&limits, 0.1), (&few_texels, 0.0), (&few_texels, 0.1)] {
+            let most = proposed(&doubt(limits, None, prune_db).unwrap());
+            assert_eq!(doubt(limits, Some(most), prune_db), None);
+            // Negative control: a little more does not fit. The proposal is below a budget that does not.
+            let larger = doubt(limits, Some(most + most / 50), prune_db).unwrap();
+            // Numbers of splats and texels are rounded.
+            assert!(proposed(&larger).abs_diff(most) < 100, "{most}: {larger}");
+        }
+        // While a run prunes, it may exceed its budget.
+        let of = |prune_db| proposed(&doubt(&limits, None, prune_db).unwrap()) as f64;
+        assert!((of(0.0) / of(0.1) - 2.5).abs() < 0.01);
     }
 }

@@ -48,7 +48,9 @@ impl Recorder<'_> {
                 }
             }
         }
-        if let Some(message) = over_budget(&config.train, state.model.num_params()) {
+        let schedule = self.schedule(capture);
+        let was_due = schedule.prune_rounds > 0 && schedule.is_pruned(state.step);
+        if let Some(message) = over_budget(&config.train, state.model.num_params(), was_due) {
             self.warn(Warning { code: "budget-exceeded".to_owned(), message, count: 1 })?;
         }
         report.merge(std::mem::take(&mut self.report));
@@ -57,6 +59,12 @@ impl Recorder<'_> {
         summary.time.total_wall_secs = (self.total_wall_secs)();
         summary.write(&self.folder.summary())?;
         Ok(summary)
+    }
+
+    /// The timetable with which the run ended.
+    fn schedule(&self, capture: &Capture) -> Schedule {
+        let first = Schedule::new(&self.config.train, capture.indices(Split::Train).len());
+        self.train.plan.iter().fold(first, |now, &change| now.changed(change))
     }
 
     /// The summary without what only the end of the command knows.
@@ -68,8 +76,7 @@ impl Recorder<'_> {
     ) -> Result<Summary> {
         let config = self.config;
         let train = &config.train;
-        let mut schedule = Schedule::new(train, capture.indices(Split::Train).len());
-        schedule = self.train.plan.iter().fold(schedule, |now, &change| now.changed(change));
+        let schedule = self.schedule(capture);
         let fps = match reason {
             StopReason::Consumer => None,
             _ => match measure_fps(backend, capture, state, train.background) {
@@ -131,11 +138,15 @@ impl Recorder<'_> {
     }
 }
 
-/// Sizes of the scene's files; `None` for a scene that no file can hold.
+/// Sizes of the scene's files; `None` for a scene that no file can hold, or where the device has no room to bake it.
 fn disk_bytes(backend: &mut dyn Backend, state: &TrainState) -> Result<Option<DiskBytes>> {
     let model = (&state.model, &state.adam);
     let provenance = Provenance::default();
-    let asset = bake_checkpoint(backend, model, Vec::new(), [0.0; 3], provenance, &mut Report::default())?;
+    let baked = bake_checkpoint(backend, model, Vec::new(), [0.0; 3], provenance, &mut Report::default());
+    let asset = match baked {
+        Err(Error::DeviceFull(_)) => return Ok(None),
+        asset => asset?,
+    };
     let bytes = |quality| {
         let file = encode(&asset, &LtgsOptions { quality, ..LtgsOptions::default() });
         file.ok().map(|file| file.len())
@@ -214,12 +225,17 @@ fn uncovered_of_training_views(
     Ok(sum / views.len() as f64)
 }
 
-/// A warning if a run ended before its model was brought down to the budget.
-fn over_budget(config: &TrainConfig, params: usize) -> Option<String> {
+/// A warning if a run ended before its model was brought down to the budget, though its last round of pruning `was_due`, or
+/// before that.
+fn over_budget(config: &TrainConfig, params: usize, was_due: bool) -> Option<String> {
     let most = config.budget.max_params.filter(|&most| params > most)?;
+    let why = if was_due {
+        "the device had no room for the last round of pruning; lower density.overshoot, or use another --device"
+    } else {
+        "the run ended before its last round of pruning; give it more time, or fewer --steps"
+    };
     Some(format!(
-        "the model has {} parameters, more than --budget-params {}: the run ended before its last round of \
-         pruning; give it more time, or fewer --steps",
+        "the model has {} parameters, more than --budget-params {}: {why}",
         format_count(params as u64),
         format_count(most as u64)
     ))
@@ -228,16 +244,84 @@ fn over_budget(config: &TrainConfig, params: usize) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::backend::{
+        Costs, DensityPlan, DeviceInfo, DeviceLimits, Probe, RenderedImage, SavedState, SceneShape,
+        StepReport, StepRequest, WindowStatistics,
+    };
+    use crate::camera::Camera;
+    use crate::cpu::CpuBackend;
+    use crate::model::AdamState;
+    use crate::selftest::{SceneOptions, random_scene};
     use crate::train::density::Budget;
 
     #[test]
     fn a_model_above_its_budget_is_told() {
         let of = |max_params| {
             let budget = Budget { max_params, ..Budget::default() };
-            over_budget(&TrainConfig { budget, ..TrainConfig::default() }, 5001)
+            [false, true]
+                .map(|was_due| over_budget(&TrainConfig { budget, ..TrainConfig::default() }, 5001, was_due))
         };
-        let found = of(Some(5000)).unwrap();
-        assert!(found.contains("5,001 parameters") && found.contains("--budget-params 5,000"), "{found}");
-        assert_eq!([of(Some(5001)), of(None)], [None, None]);
+        let found = of(Some(5000)).map(Option::unwrap);
+        for (text, remedy) in found.iter().zip(["fewer --steps", "another --device"]) {
+            for part in ["5,001 parameters", "--budget-params 5,000", remedy] {
+                assert!(text.contains(part), "{part}: {text}");
+            }
+        }
+        assert_eq!([of(Some(5001)), of(None)], [[None, None], [None, None]]);
+    }
+
+    #[test]
+    fn sizes_of_files_are_left_out_where_the_device_is_full() {
+        let scene = random_scene(&SceneOptions { num_splats: 9, ..SceneOptions::default() });
+        let mut state = TrainState::fresh(scene.model);
+        state.adam = AdamState::zeros(&state.model);
+        let mut backend = CpuBackend::new(Some(1)).unwrap();
+        assert!(disk_bytes(&mut backend, &state).unwrap().is_some());
+        assert!(disk_bytes(&mut Full(backend), &state).unwrap().is_none());
+    }
+
+    /// A backend without room for a model.
+    struct Full(CpuBackend);
+
+    impl Backend for Full {
+        fn device(&self) -> DeviceInfo {
+            self.0.device()
+        }
+        fn limits(&self, shape: SceneShape) -> DeviceLimits {
+            self.0.limits(shape)
+        }
+        fn upload(&mut self, _: &Model, _: &AdamState) -> Result<()> {
+            Err(Error::DeviceFull("full".into()))
+        }
+        fn save(&mut self) -> Result<SavedState> {
+            self.0.save()
+        }
+        fn restore(&mut self, saved: &SavedState) -> Result<()> {
+            self.0.restore(saved)
+        }
+        fn probe(&mut self, probes: &mut dyn Iterator<Item = Result<Probe>>) -> Result<Vec<Costs>> {
+            self.0.probe(probes)
+        }
+        fn render(&mut self, camera: &Camera, options: &RenderOptions) -> Result<RenderedImage> {
+            self.0.render(camera, options)
+        }
+        fn step(&mut self, request: &StepRequest<'_>) -> Result<StepReport> {
+            self.0.step(request)
+        }
+        fn read_statistics(&mut self) -> Result<WindowStatistics> {
+            self.0.read_statistics()
+        }
+        fn set_statistics(&mut self, statistics: &WindowStatistics) -> Result<()> {
+            self.0.set_statistics(statistics)
+        }
+        fn apply_plan(&mut self, plan: &DensityPlan) -> Result<()> {
+            self.0.apply_plan(plan)
+        }
+        fn read_back(&mut self) -> Result<(Model, AdamState)> {
+            self.0.read_back()
+        }
+        fn read_flushed(&mut self) -> Result<Model> {
+            self.0.read_flushed()
+        }
     }
 }

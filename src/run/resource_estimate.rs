@@ -156,6 +156,29 @@ impl Workload {
         Self { splats: part(self.splats, splats), texels: part(self.texels, texels), ..grown }
     }
 
+    /// The largest budget of parameters, below the user's own, with which the model is expected to grow, and to a size that
+    /// `fits`.
+    pub(super) fn fitting_budget(
+        &self,
+        config: &TrainConfig,
+        fits: impl Fn(&Workload) -> bool,
+    ) -> Option<usize> {
+        let grown = |params| {
+            let budget = Budget { max_params: Some(params), ..config.budget };
+            self.grown(&TrainConfig { budget, ..config.clone() })
+        };
+        let last = self.grown(config);
+        let most = last.params(last.splats, last.texels) as usize;
+        // Growth may exceed the budget, so the largest one is searched for.
+        let (mut low, mut high) = (0, config.budget.max_params.map_or(most, |own| own.min(most)));
+        while high - low > 1 {
+            let middle = low.midpoint(high);
+            *(if fits(&grown(middle)) { &mut low } else { &mut high }) = middle;
+        }
+        let found = grown(low);
+        (fits(&found) && found.splats > self.splats).then_some(low)
+    }
+
     /// Parameters of a model of this size, in which every splat has a map or none.
     fn params(&self, splats: u64, texels: u64) -> u64 {
         let map = if texels > 0 { MAP_PARAMS } else { 0 };
@@ -210,7 +233,7 @@ impl Workload {
 }
 
 /// Resources at the start and at the size that the model is expected to reach.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct ResourceEstimate {
     /// At the start.
     pub start: Resources,
@@ -222,6 +245,10 @@ pub struct ResourceEstimate {
     pub grown_texels: u64,
     /// Whether a budget bounds the model.
     pub has_budget: bool,
+    #[serde(skip)]
+    first: Workload,
+    #[serde(skip)]
+    config: TrainConfig,
 }
 
 impl ResourceEstimate {
@@ -234,6 +261,8 @@ impl ResourceEstimate {
             grown_splats: grown.splats,
             grown_texels: grown.texels,
             has_budget: config.budget != Budget::default(),
+            first: *workload,
+            config: config.clone(),
         }
     }
 
@@ -252,8 +281,13 @@ impl ResourceEstimate {
     /// smaller.
     pub fn doubt(&self, machine_bytes: Option<u64>) -> Option<String> {
         let have = machine_bytes.filter(|&have| self.grown.total_bytes > have)?;
+        let fits = |workload: &Workload| workload.resources().total_bytes <= have;
+        let remedy = match self.first.fitting_budget(&self.config, fits) {
+            Some(params) => format!("--budget-params {params} keeps within it"),
+            None => "lower --max-resolution or max-points".to_owned(),
+        };
         Some(format!(
-            "the model may grow to need about {} ({}), but this machine has {}: limit it with --budget-params",
+            "the model may grow to need about {} ({}), but this machine has {}: {remedy}",
             format_bytes(self.grown.total_bytes),
             self.grown_size(),
             format_bytes(have)
@@ -370,9 +404,26 @@ mod tests {
             assert_eq!(grown > start, budget == Budget::default());
             // A machine on which it starts and may not end.
             let doubt = estimate.doubt(Some(start + 1));
-            assert_eq!(doubt.is_some_and(|d| d.contains("--budget-params")), grown > start);
+            assert_eq!(doubt.is_some_and(|d| d.contains("--budget-params ")), grown > start);
             assert!(estimate.start.check(Some(start + 1)).is_ok() && estimate.doubt(None).is_none());
         }
+    }
+
+    #[test]
+    fn the_budget_of_a_doubt_about_memory_leaves_none() {
+        let of = |budget, have| {
+            let mut config = TrainConfig::default();
+            config.budget.max_params = budget;
+            ResourceEstimate::new(&FOX, &config).doubt(Some(have))
+        };
+        let ends = ResourceEstimate::new(&FOX, &TrainConfig::default());
+        let have = u64::midpoint(ends.start.total_bytes, ends.grown.total_bytes);
+        let text = of(None, have).unwrap();
+        let after = text.split_once("--budget-params ").unwrap().1;
+        let most: usize = after.split(' ').next().unwrap().parse().unwrap();
+        assert_eq!(of(Some(most), have), None);
+        // Negative control, with a budget of the user's own.
+        assert!(of(Some(most + most / 50), have).unwrap().contains(&format!("--budget-params {most} ")));
     }
 
     /// The measured peak of a run in MiB (build for tests, x86-64 Linux, glibc), and a workload of the sizes that its model

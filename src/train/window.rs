@@ -75,12 +75,14 @@ impl DensityControl<'_> {
         now: SizeFigures,
         use_statistics: bool,
     ) -> Result<Revised> {
-        let statistics = backend.read_statistics()?;
-        let mut revised = match backend.read_flushed() {
-            Ok(model) => self.revise(backend, state, (&model, &statistics), use_statistics)?,
+        let read = backend.read_statistics().and_then(|window| Ok((window, backend.read_flushed()?)));
+        let (mut revised, window) = match read {
+            Ok((window, model)) => {
+                (self.revise(backend, state, (&model, &window), use_statistics)?, Some(window))
+            }
             Err(Error::DeviceFull(no_room)) => {
                 state.device.end_growth(now, state.step);
-                Revised { counts: DensityCounts::default(), size: now, no_room: Some(no_room) }
+                (Revised { counts: DensityCounts::default(), size: now, no_room: Some(no_room) }, None)
             }
             Err(error) => return Err(error),
         };
@@ -90,9 +92,9 @@ impl DensityControl<'_> {
             let reached = self.reached(state, now, &revised);
             revised.no_room = revised.no_room.or(reached);
             state.device.forget();
-        } else {
-            // The splats are the same, so their window continues.
-            backend.set_statistics(&statistics)?;
+        } else if let Some(window) = window {
+            // The splats are the same, so their window continues. Where nothing was read, it goes on by itself.
+            backend.set_statistics(&window)?;
         }
         Ok(revised)
     }

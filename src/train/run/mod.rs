@@ -155,14 +155,14 @@ impl Trainer<'_> {
             Ok(reason) => reason,
             Err(error) => {
                 // An unreadable photo must not cost the work so far. Only the first error is reported.
-                let _ = self.checkpoint(false, sink);
+                let _ = self.last_checkpoint(sink);
                 return Err(error);
             }
         };
         // Saved before the evaluation, which may fail to read photos, and again with its figures.
-        self.checkpoint(false, sink)?;
+        self.last_checkpoint(sink)?;
         if reason != StopReason::Consumer && self.evaluate(true, sink)? != Control::Stop {
-            self.checkpoint(false, sink)?;
+            self.save(false, sink)?;
         }
         sink(TrainEvent::Finished { reason })?;
         Ok((self.state.clone(), reason))
@@ -197,10 +197,10 @@ impl Trainer<'_> {
                 control = self.evaluate(false, sink)?;
             }
             if control != Control::Stop && self.is_due(self.config.save_every, self.state.step) {
-                self.checkpoint(false, sink)?;
+                control = self.checkpoint(false, sink)?;
             }
             if control != Control::Stop && self.is_interim_due() {
-                self.checkpoint(true, sink)?;
+                control = self.checkpoint(true, sink)?;
             }
             if control == Control::Stop {
                 return Ok(StopReason::Consumer);
@@ -348,8 +348,8 @@ impl Trainer<'_> {
         let mut round = Round::of(config, &self.schedule, step);
         round.max_bytes = self.rounder.as_ref().map(|rounder| rounder.splat_bytes());
         let pruned = match round.run(self.backend, &mut training, &mut self.state.histories) {
-            // Without a bound to meet, the model may stay as it is.
-            Err(Error::DeviceFull(what)) if !round.is_bounded() => {
+            // Rounds to come make up for it; a run that ends above its budget says so.
+            Err(Error::DeviceFull(what)) => {
                 self.not_pruned(&what);
                 None
             }

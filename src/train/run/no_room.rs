@@ -9,7 +9,7 @@ use crate::backend::{StepReport, StepRequest};
 use crate::text::format_count;
 use crate::{Error, Result, Warning};
 
-/// Smaller side below which images are not reduced for the device, in pixels.
+/// Least smaller side to which images are reduced for the device, in pixels.
 const LEAST_SIDE_PX: f64 = 32.0;
 
 /// Code of the warning that a round of pruning did not fit.
@@ -55,8 +55,11 @@ impl Trainer<'_> {
         }
     }
 
+    /// Whether images that are smaller by one factor are large enough.
     fn can_reduce_images(&self) -> bool {
-        f64::from(smaller_side_px(&self.cameras)) / self.stage.render_scale > LEAST_SIDE_PX
+        let mut smaller = self.state.device;
+        smaller.reduce_images(self.stage.render_scale);
+        f64::from(smaller_side_px(&self.cameras)) / smaller.least_scale >= LEAST_SIDE_PX
     }
 
     fn reduce_images(&mut self, what: &str) {
@@ -69,9 +72,10 @@ impl Trainer<'_> {
             self.add_warning(
                 SMALLER_IMAGES,
                 format!(
-                    "step {}: {what}; from here on the model does not grow, and it is trained on smaller images where steps do \
-                     not fit: lower --max-resolution or --budget-params",
-                    step + 1
+                    "step {}: the device has no room for a step ({}): from here on the model does not grow, and images are smaller \
+                     where steps do not fit; lower --max-resolution or --budget-params, or use another --device",
+                    step + 1,
+                    fact(what)
                 ),
             );
         }
@@ -79,26 +83,48 @@ impl Trainer<'_> {
 
     /// Warns that growth ended, if it ended just now.
     pub(super) fn growth_ended(&mut self, what: &str) {
-        let (step, size) = (self.state.step, self.size);
-        if self.state.device.ended_step != step {
+        let (step, size, device) = (self.state.step, self.size, &self.state.device);
+        if device.ended_step != step {
             return;
         }
-        self.add_warning(
-            GROWTH_ENDED,
-            format!(
-                "step {step}: no splats are added to the {} of the model ({} parameters), because the device has no room for more: {what}; \
-                 --budget-params {} keeps within it, another --device or a lower --max-resolution may hold more",
-                format_count(size.splats as u64),
-                format_count(size.params as u64),
-                size.params
-            ),
+        let (splats, params) = (format_count(size.splats as u64), format_count(size.params as u64));
+        // Where pairs or splats ended it, maps may go on growing.
+        let stays = match device.budget.max_params {
+            Some(_) => format!("the model stays at {splats} splats and {params} parameters"),
+            None => format!("the model gets no more splats than its {splats} (now {params} parameters)"),
+        };
+        let remedy = match self.fitting_budget(size.params) {
+            Some(params) => format!("--budget-params {params} keeps within it, another --device"),
+            None => "another --device".to_owned(),
+        };
+        let message = format!(
+            "step {step}: the device has no room for a larger model ({}): {stays}; {remedy} or a lower --max-resolution may hold more",
+            fact(what)
         );
+        self.add_warning(GROWTH_ENDED, message);
+    }
+
+    /// The budget, below the user's own, with which growth keeps within this number of parameters.
+    fn fitting_budget(&self, params: usize) -> Option<usize> {
+        let density = &self.config.density;
+        // While a run prunes, growth may exceed the budget.
+        let overshoot = if self.schedule.prune_rounds > 0 { density.overshoot } else { 1.0 };
+        let fitting = (params as f64 / overshoot) as usize;
+        Some(fitting).filter(|fitting| self.config.budget.max_params.is_none_or(|most| *fitting < most))
     }
 
     /// Warns that a round of pruning was left out.
     pub(super) fn not_pruned(&mut self, what: &str) {
-        let step = self.state.step;
-        self.add_warning(NOT_PRUNED, format!("step {step}: a round of pruning was left out: {what}"));
+        let remedy = match self.config.most_params() {
+            Some(_) => "lower density.overshoot or --budget-params",
+            None => "set --budget-params",
+        };
+        let message = format!(
+            "step {}: the device has no room for a round of pruning ({}): it was left out; {remedy}, or use another --device",
+            self.state.step,
+            fact(what)
+        );
+        self.add_warning(NOT_PRUNED, message);
     }
 
     fn add_warning(&mut self, code: &str, message: String) {
@@ -112,5 +138,25 @@ impl Trainer<'_> {
             control = control.max(sink(TrainEvent::Warning(warning))?);
         }
         Ok(control)
+    }
+}
+
+/// What a device reports, without its own remedy: that is for a run that ends, and the warning has a better one.
+pub fn fact(what: &str) -> &str {
+    let remedies = [": use ", "; use "].iter().filter_map(|mark| what.find(mark));
+    remedies.min().map_or(what, |at| &what[..at])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_warning_has_no_second_remedy() {
+        let buffer = "gpu: texels: 9 x 4 bytes = 0.0 MiB, but buffers are limited to 0.0 MiB";
+        assert_eq!(fact(&format!("{buffer}; use fewer splats, or the device \"cpu\"")), buffer);
+        let pairs = "gpu: a step needs 9 tile-splat pairs, at most 8 fit";
+        assert_eq!(fact(&format!("{pairs}: use fewer splats; use smaller images")), pairs);
+        assert_eq!(fact(pairs), pairs);
     }
 }
