@@ -32,6 +32,7 @@ fn loss_bwd(
     let here = sum_difference_at(pixel);
     var gradient = vec3f();
     for (var c = 0u; c < 3u; c += 1u) {
+        // 2 * GROUP < HALO.
         load_maps(c, lid, pixel0);
         load_maps(c, lid + GROUP, pixel1);
         if lid + 2u * GROUP < HALO {
@@ -51,12 +52,14 @@ fn loss_bwd(
         let per = 1.0 / (3.0 * f32(step.size_px.x * step.size_px.y));
         let d = here.difference;
         gradient += per * (step.loss_l1 * sign(d) + 2.0 * step.loss_mse * d);
+        // The pool holds a photo of the image's size from `photo_offset_px` on.
         let kept = photo_counts(photo[step.photo_offset_px + pixel]);
         pixel_grad[pixel] = vec4f(select(vec3f(), gradient, kept), loss_map[pixel]);
     }
 }
 
-// Copies the SSIM maps of a channel at one pixel into workgroup memory; zero outside the image, which has no windows.
+// Copies the SSIM maps of a channel at one pixel into workgroup memory, to a place below HALO; zero outside the
+// image, which has no windows.
 fn load_maps(c: u32, place: u32, pixel: u32) {
     var maps = vec3f();
     if pixel != OUTSIDE {

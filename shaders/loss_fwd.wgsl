@@ -41,6 +41,7 @@ fn loss_fwd(
     let scale = -step.loss_dssim / (3.0 * f32(num_pixels));
     var sums = vec3f();
     for (var c = 0u; c < 3u; c += 1u) {
+        // 2 * GROUP < HALO, and the tile lies SSIM_RADIUS_PX within the halo.
         halo[lid] = vec2f(values0.sum[c], values0.difference[c]);
         halo[lid + GROUP] = vec2f(values1.sum[c], values1.difference[c]);
         if lid + 2u * GROUP < HALO {
@@ -57,6 +58,7 @@ fn loss_fwd(
         if pixel != OUTSIDE {
             let here = similarity(blurred_down(lid));
             let at = 3u * c * num_pixels + pixel;
+            // c is below 3, and `pixel` one of the image, here and below.
             ssim_maps[at] = scale * here.slopes.x;
             ssim_maps[at + num_pixels] = scale * here.slopes.y;
             ssim_maps[at + 2u * num_pixels] = scale * here.slopes.z;
@@ -68,6 +70,7 @@ fn loss_fwd(
     }
     // Each row, then the sums of the rows: a fixed order, whatever the schedule.
     workgroupBarrier();
+    // GROUP + TILE_PX <= ACROSS.
     across[lid] = vec4f(sums, 0.0);
     workgroupBarrier();
     if lid < TILE_PX {

@@ -1,6 +1,6 @@
 // Projects every splat to the view: bounds, number of tiles, depth key and base colour (twin: reference/project.rs;
 // method 1.2, 2.2, 2.3, 2.5); lists the visible ones of each group. Flushes the SH of visible splats on the way.
-// FLAG_UNSEEN: first does the previous step for splats that it did not see. FLAG_NO_VIEW: nothing else.
+// FLAG_INVISIBLE: first does the previous step for splats that were invisible in it. FLAG_NO_VIEW: nothing else.
 // GEOMETRY: also writes normals.
 // Workgroup: GROUP splats. Invocation: a splat.
 
@@ -15,7 +15,7 @@
 #include common/adam
 #include common/sh
 #include common/list_group
-#include common/unseen
+#include common/invisible
 
 @group(0) @binding(1) var<storage, read_write> splat_p: array<f32>; // [num_splat_floats]
 @group(0) @binding(2) var<storage, read_write> splat_m: array<f32>; // [num_splat_floats]
@@ -39,8 +39,8 @@ fn project(
     clear_list(lane);
     var num_tiles = 0u;
     if i < step.num_splats {
-        if has_flag(FLAG_UNSEEN) && bounds[i].depth_key == INVISIBLE_KEY {
-            step_unseen(first_float(splat_info[i].parameters));
+        if has_flag(FLAG_INVISIBLE) && bounds[i].depth_key == INVISIBLE_KEY {
+            step_invisible(first_float(splat_info[i].parameters));
         }
         if !has_flag(FLAG_NO_VIEW) {
             num_tiles = project_splat(i);
@@ -82,12 +82,7 @@ fn project_splat(i: u32) -> u32 {
     if drawable {
         let half_v = e_v * scales.y;
         let half_u = spread.u_a * scales.x * e_u + spread.v_a * half_v;
-        footprint = splat_bounds(p, half_u, spread.v_b * half_v, opacity, centre_px);
-        let rows = tile_rows(footprint);
-        for (var row = rows.x; row < rows.y; row += 1) {
-            let run = tile_run(footprint, row);
-            footprint.num_tiles += u32(run.y - run.x);
-        }
+        footprint = counted_bounds(p, half_u, spread.v_b * half_v, opacity, centre_px);
     }
     footprint.opacity = stored_opacity;
     footprint.parameters = splat_info[i].parameters;
@@ -121,6 +116,17 @@ fn project_splat(i: u32) -> u32 {
     normals[i] = vec4f(select(n, -n, p_n > 0.0), 0.0);
 #endif
     return footprint.num_tiles;
+}
+
+// The bounds of a splat, with its number of tiles.
+fn counted_bounds(p: vec3f, half_u: vec3f, half_v: vec3f, opacity: f32, centre_px: vec2f) -> Bounds {
+    var out = splat_bounds(p, half_u, half_v, opacity, centre_px);
+    let rows = tile_rows(out);
+    for (var row = rows.x; row < rows.y; row += 1) {
+        let run = tile_run(out, row);
+        out.num_tiles += u32(run.y - run.x);
+    }
+    return out;
 }
 
 // Base colour from the flushed SH in the direction from the camera.

@@ -30,6 +30,7 @@ var<private> first_sum: u32;
 var<private> first_parameter: u32;
 var<private> num_faults: u32;
 
+// `sum` is one of pair_sums that the variant has, below partial_stride.
 fn sum_at(sum: u32) -> f32 {
     return splat_totals[first_sum + sum];
 }
@@ -38,12 +39,13 @@ fn sums_at(sum: u32) -> vec3f {
     return vec3f(sum_at(sum), sum_at(sum + 1u), sum_at(sum + 2u));
 }
 
+// Three floats of the splat's parameters, from float f on.
 fn vec3_at(f: u32) -> vec3f {
     let at = first_parameter + f;
     return vec3f(splat_p[at], splat_p[at + 1u], splat_p[at + 2u]);
 }
 
-// A step of Adam on a float of the parameters.
+// A step of Adam on float f of the splat's parameters.
 fn update(f: u32, gradient: f32, rate: f32) {
     var by = gradient;
     if !is_finite(by) {
@@ -154,6 +156,7 @@ fn sh_bwd(i: u32, position: vec3f, rgb: vec3f) -> vec3f {
     let basis = sh_basis(degree, direction);
     let slopes = sh_basis_derivative(degree, direction);
     var by_direction = vec3f(0.0);
+    // The splat has these: `degree` is at most its own, which is at most 3.
     for (var k = 0u; k < sh_coefficients(degree); k += 1u) {
         by_direction += slopes[k] * dot(vec3_at(SH + 3u * k), by_rgb);
         let rate = select(step.rate_sh_rest, step.rate_sh_dc, k == 0u);
@@ -192,6 +195,7 @@ fn project_bwd(
     if place >= visible[0] {
         return;
     }
+    // The list holds splats of the model.
     let i = visible[1u + place];
     first_sum = place * step.partial_stride;
     first_parameter = first_float(bounds[i].parameters);
@@ -199,6 +203,7 @@ fn project_bwd(
     bounds[i].faults = num_faults + u32(sum_at(SUM_FAULTS));
     if has_flag(FLAG_STATISTICS) {
         let num_pixels = f32(step.size_px.x * step.size_px.y);
+        // With this flag, partial_stride is PAIR_SUMS_STATISTICS or more.
         statistics[i] += vec4f(1.0, sums_at(SUM_STATISTICS) / num_pixels);
     }
 }

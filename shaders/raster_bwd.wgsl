@@ -87,6 +87,7 @@ var<workgroup> lanes: array<f32, NUM_QUANTITIES * RASTER_GROUP>;
 var<workgroup> texel_parts: array<f32, NUM_CHANNELS * TEXEL_PARTS>;
 var<workgroup> sum_parts: array<f32, NUM_SUMS * PARTS>;
 
+// `quantity` is one of the above, and `at` a pixel of the tile, below RASTER_GROUP.
 fn store(quantity: u32, at: u32, value: f32) {
     lanes[quantity * RASTER_GROUP + at] = value;
 }
@@ -121,6 +122,17 @@ fn pixel_bwd(replay: ptr<function, Replay>, s: Projected, index: u32, pixel: vec
 #endif
 }
 
+// Adds a channel of the block, that of a texel of the map, to memory; `num_pixels` may have contributed. Returns the faults.
+fn add_channel(s: Projected, texel: vec2u, channel: u32, num_pixels: u32) -> u32 {
+    var total = 0.0;
+    for (var k = 0u; k < TEXEL_PARTS; k += 1u) {
+        total += texel_parts[channel * TEXEL_PARTS + k];
+    }
+    let texel_at = s.map_offset_texels + texel.x * map_cols(s.map_size) + texel.y;
+    let units = texel_units(s.box_min, s.box_max);
+    return add_fixed(3u * texel_at + channel % 3u, total, units, fixed_limit(units, num_pixels));
+}
+
 @compute @workgroup_size(RASTER_GROUP)
 fn raster_bwd(
     @builtin(workgroup_id) group: vec3u,
@@ -150,9 +162,10 @@ fn raster_bwd(
     let from_last = RASTER_GROUP - 1u - lane;
     var i = used;
     var block = 0u;
-    // One round per block of texels of each splat; the first round of a splat also does everything else.
+    // One iteration per block of texels of each splat; the first of a splat also does everything else.
     while i > first_pair {
         let summed = i <= past_pair;
+        // `used` is at most range.y, and that at most pair_capacity.
         let window = vec2u(pairs[window_first_at(i - 1u)], pairs[window_past_at(i - 1u)]);
         let s = projected[pairs[i - 1u]];
         let low = max(vec2u(s.box_min & 0xffffu, s.box_min >> 16u), origin_px) - origin_px;
@@ -195,15 +208,9 @@ fn raster_bwd(
         workgroupBarrier();
         if lane < NUM_CHANNELS {
             let texel = first + vec2u(lane / 3u / BLOCK_TEXELS, lane / 3u % BLOCK_TEXELS);
+            // The block may reach beyond the window, which lies within the map.
             if num_blocks > 0u && all(texel < window_past) {
-                var total = 0.0;
-                for (var k = 0u; k < TEXEL_PARTS; k += 1u) {
-                    total += texel_parts[lane * TEXEL_PARTS + k];
-                }
-                let texel_at = s.map_offset_texels + texel.x * map_cols(s.map_size) + texel.y;
-                let units = texel_units(s.box_min, s.box_max);
-                let limit = fixed_limit(units, (high.x - low.x) * (high.y - low.y));
-                replay.faults += add_fixed(3u * texel_at + lane % 3u, total, units, limit);
+                replay.faults += add_channel(s, texel, lane, (high.x - low.x) * (high.y - low.y));
             }
         }
         if block == 0u && summed && from_last < NUM_SUMS {
@@ -211,6 +218,7 @@ fn raster_bwd(
             for (var k = 0u; k < PARTS && from_last != SUM_FAULTS; k += 1u) {
                 total += sum_parts[from_last * PARTS + k];
             }
+            // From first_pair on and, as it is summed, before past_pair: one of partial_capacity.
             partials[(i - 1u - step.partial_first) * NUM_SUMS + from_last] = total;
         }
         block += 1u;

@@ -64,7 +64,7 @@ fn part_sums_at(part: u32, k: u32) -> u32 {
     return (part * BATCH + k) * NUM_VALUES;
 }
 
-// Stores the lane's sums, from sum `first` on.
+// Stores the lane's sums, from sum `first` on; SUMS_PER_LANE is at most 4.
 fn store_sums(at: u32, first: u32, sums: vec4f, subgroup_lane: u32) {
     for (var j = 0u; j < SUMS_PER_LANE; j += 1u) {
         let sum = first + subgroup_lane % SUM_LANES * SUMS_PER_LANE + j;
@@ -78,12 +78,13 @@ fn store_sums(at: u32, first: u32, sums: vec4f, subgroup_lane: u32) {
 struct Visitor {
     pixel: vec2u,
     subgroup_lane: u32,
-    // The place of its lanes' sums.
+    // The place of its lanes' sums, below NUM_PARTS.
     part: u32,
     loss: f32,
 }
 
-// Puts a pixel into its state at the boundary before a pair, behind which it has blended others. Not with GEOMETRY.
+// Puts a pixel into its state at the boundary before a pair, behind which it has blended others: raster_fwd stored it. Not with
+// GEOMETRY.
 fn begin_at(replay: ptr<function, Replay>, boundary: u32, lane: u32) {
     let there = load_state(boundary, lane);
     (*replay).behind = dot((*replay).by_rgb, there.rgb);
@@ -91,7 +92,8 @@ fn begin_at(replay: ptr<function, Replay>, boundary: u32, lane: u32) {
     (*replay).end = boundary;
 }
 
-// The splat of a batch whose pair is `index`, for the lanes of a patch. Not `summed`: only the state of the pixels goes on.
+// The splat of a batch whose pair is `index`, for the lanes of a patch; k is below BATCH. Not `summed`: only the state of
+// the pixels goes on.
 fn visit(replay: ptr<function, Replay>, visitor: Visitor, k: u32, index: u32, summed: bool) {
     let s = projected[subgroupBroadcastFirst(batch[k])];
     let hit = splat_hit(s, vec2f(visitor.pixel) + 0.5);
@@ -136,7 +138,7 @@ fn visit(replay: ptr<function, Replay>, visitor: Visitor, k: u32, index: u32, su
 #endif
 }
 
-// A sum of a splat of the batch, over the parts of the patches that it touches.
+// A sum, below NUM_VALUES, of a splat of the batch, over the parts of the patches that it touches.
 fn tile_sum(first_visits: u32, k: u32, sum: u32) -> f32 {
     var total = 0.0;
     for (var part = 0u; part < NUM_PARTS; part += 1u) {
@@ -155,7 +157,7 @@ fn raster_bwd_subgroups(
     @builtin(subgroup_size) subgroup_size: u32,
     @builtin(subgroup_invocation_id) subgroup_lane: u32,
 ) {
-    // By subgroups: which invocations form one is up to the device.
+    // By subgroups: which invocations form one is up to the device. Below RASTER_GROUP if all are full, as this kernel needs.
     let lane = subgroup * subgroup_size + subgroup_lane;
     // Backwards, so that the segments of long tiles are begun first.
     let segment = segment_of(groups.x * groups.y - 1u - group_index(group, groups));
@@ -178,23 +180,26 @@ fn raster_bwd_subgroups(
     if lane < NUM_VISITS {
         atomicStore(&visits[lane], 0u);
     }
-    // The batches end where the summed pairs do.
+    // The batches end where the summed pairs do. At most the segment's last pair, as `begin_at` sets `end` no further.
     var past = used_pairs(summed_range, segment.range.x, replay.end, lane);
     var first_visits = 0u;
     while past > summed_range.x {
         let summed = past <= summed_range.y;
         let count = min(BATCH, past - select(summed_range.y, summed_range.x, summed));
         if lane < count {
+            // `count` is at most BATCH, and the pairs that are left.
             let splat = pairs[past - 1u - lane];
             batch[lane] = splat;
             mark_visits(first_visits, lane, projected[splat].box_min, projected[splat].box_max, origin_px);
         }
         workgroupBarrier();
         if lane < NUM_PATCHES {
+            // `first_visits` is 0 or NUM_PATCHES.
             atomicStore(&visits[NUM_PATCHES - first_visits + lane], 0u);
         }
         var left = subgroupBroadcastFirst(atomicLoad(&visits[first_visits + lane / PATCH_LANES]));
         while left != 0u {
+            // Below `count`: only such bits are set.
             let k = firstTrailingBit(left);
             left &= left - 1u;
             visit(&replay, visitor, k, past - 1u - k, summed);
@@ -207,6 +212,7 @@ fn raster_bwd_subgroups(
             if sum != SUM_FAULTS {
                 total = tile_sum(first_visits, k, sum - u32(sum > SUM_FAULTS));
             }
+            // Summed pairs: one of partial_capacity.
             partials[(past - 1u - k - step.partial_first) * NUM_SUMS + sum] = total;
         }
         past -= count;

@@ -103,6 +103,7 @@ fn blend(state: ptr<function, Pixel>, s: Projected, index: u32, pixel: vec2u) {
 
 #if BATCHED
 const NUM_VISITS = RASTER_BATCH / 32u * NUM_PATCHES;
+const_assert RASTER_BATCH == 64u; // `left` and `others`
 #include common/visits
 
 var<workgroup> batch: array<Projected, RASTER_BATCH>;
@@ -130,6 +131,7 @@ fn raster_tile(state: ptr<function, Pixel>, range: vec2u, origin_px: vec2u, pixe
 #endif
         let count = min(RASTER_BATCH, range.y - first);
         if lane < count {
+            // range.y is at most the number of pairs.
             let s = projected[pairs[first + lane]];
             batch[lane] = s;
             store_window(s, first + lane, origin_px);
@@ -146,6 +148,7 @@ fn raster_tile(state: ptr<function, Pixel>, range: vec2u, origin_px: vec2u, pixe
                 others = 0u;
                 first_left = 32u;
             }
+            // Below `count`: only such bits are set.
             let k = first_left + firstTrailingBit(left);
             left &= left - 1u;
             blend(state, batch[k], first + k, pixel);
@@ -168,6 +171,7 @@ fn raster_tile(state: ptr<function, Pixel>, range: vec2u, origin_px: vec2u, pixe
 }
 #else
 fn raster_tile(state: ptr<function, Pixel>, range: vec2u, origin_px: vec2u, pixel: vec2u, lane: u32) {
+    // range.y is at most the number of pairs.
     for (var i = range.x + lane; i < range.y; i += RASTER_GROUP) {
         store_window(projected[pairs[i]], i, origin_px);
     }

@@ -34,7 +34,7 @@ fn sort_scatter(
     let block = group_index(id, groups);
     let count = num_keys();
     let num_blocks = blocks_of(count);
-    // Keys with lower digits come before.
+    // Keys with lower digits come before. `lane` is a digit; the totals lie behind the counts of all blocks.
     let start = scan_group(lane, histogram[DIGITS * num_blocks + lane]).before;
     var past = 0u;
     if block < num_blocks {
@@ -44,8 +44,8 @@ fn sort_scatter(
     for (var word = lane; word < DIGITS * WORDS; word += GROUP) {
         atomicStore(&masks[word], 0u);
     }
-    for (var round = 0u; round < BLOCK; round += GROUP) {
-        let at = block * BLOCK + round + lane;
+    for (var first = 0u; first < BLOCK; first += GROUP) {
+        let at = block * BLOCK + first + lane;
         let own = lane / 32u;
         var key = 0u;
         workgroupBarrier();
@@ -63,6 +63,7 @@ fn sort_scatter(
                 before += countOneBits(lanes & lanes_before(word, lane));
                 total += countOneBits(lanes);
             }
+            // Below num_keys: the counts are of these keys, and `digit` is below DIGITS.
             move_key(at, key, next[digit] + before, num_blocks);
         }
         workgroupBarrier();
@@ -75,6 +76,7 @@ fn sort_scatter(
     }
 }
 
+// Both places lie below num_keys.
 fn move_key(at: u32, key: u32, to: u32, num_blocks: u32) {
     keys_out[to] = key;
     var value = at;

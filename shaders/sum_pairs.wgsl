@@ -17,6 +17,7 @@
 
 // A sum of the pair at a slot; 0 if it is not among those added.
 fn sum_at(slot: u32, sum: u32) -> f32 {
+    // Wraps around before partial_first. partial_capacity is at least 1.
     let place = slots[slot] - step.partial_first;
     let value = partials[min(place, step.partial_capacity - 1u) * step.partial_stride + sum];
     return select(0.0, value, place < step.partial_capacity);
@@ -35,6 +36,7 @@ fn sum_pairs(
     let i = visible[1u + index / step.partial_stride];
     let sum = index % step.partial_stride;
     var slot = bounds[i].first_slot;
+    // At most needed_pairs: the splats' slots are contiguous.
     let past = slot + bounds[i].num_tiles;
     var total = 0.0;
     if step.partial_first > 0u {

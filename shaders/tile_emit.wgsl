@@ -24,7 +24,8 @@ fn first_slot_of(rank: u32) -> u32 {
     return slot_offsets[rank] + block_sums[rank / BLOCK];
 }
 
-// The rank of the splat that a slot belongs to: the last one that begins at or before it.
+// The rank of the splat that a slot belongs to: the last one that begins at or before it. Rank 0 begins at slot 0, and where there
+// is a slot there is a splat.
 fn rank_of(slot: u32) -> u32 {
     var low = 0u;
     var high = status[step.status_slot].visible;
@@ -92,6 +93,7 @@ fn tile_emit(
                 bounds[splat].first_slot = slot;
             }
             let tile = tile_of(splat, first_slot, slot);
+            // `visible_sums` has found that needed_pairs is at most pair_capacity.
             keys_out[slot] = tile;
             slots[slot] = splat;
             count_digit(tile);

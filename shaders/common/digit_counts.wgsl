@@ -6,7 +6,7 @@ const_assert DIGITS == GROUP;
 
 var<workgroup> digit_counts: array<atomic<u32>, DIGITS>;
 
-// Called by all lanes, before any of them counts.
+// Called by all lanes, before any of them counts. Lanes lie below GROUP = DIGITS.
 fn clear_counts(lane: u32) {
     atomicStore(&digit_counts[lane], 0u);
     workgroupBarrier();

@@ -27,6 +27,7 @@ fn segment_of(group: u32) -> Segment {
     }
     // Such a boundary's tile begins before this pair and ends behind it: it is the last one that does not begin behind it.
     let pair = (group - num_tiles + 1u) * pairs_each;
+    // Below num_tiles throughout.
     var tile = 0u;
     var past_tile = num_tiles;
     while past_tile - tile > 1u {
@@ -45,7 +46,8 @@ fn segment_of(group: u32) -> Segment {
     return Segment(tile, range.x, vec2u(first, min(range.y, first + pairs_each)));
 }
 
-// Place of the first value of a pixel's state at the boundary before a pair; those of all pixels lie together.
+// Place of the first value of a pixel's state at the boundary before a pair; those of all pixels lie together. The boundary has a
+// number from 1 to (pair_capacity - 1) / segment_pairs, and `pairs` has room for these (`pair_bytes` in gpu/form.rs).
 fn state_at(boundary: u32, lane: u32) -> u32 {
     return step.pair_capacity + (boundary / step.segment_pairs - 1u) * 4u * RASTER_GROUP + lane;
 }

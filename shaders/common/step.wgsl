@@ -67,7 +67,7 @@ struct Step {
     filter_px2: f32,
     // What the first moments of a probe are multiplied by.
     probe_scale: f32,
-    // Learning rates and bias corrections of the last completed step, for splats that it did not see.
+    // Learning rates and bias corrections of the last completed step, for splats that were invisible in it.
     last_rate_position: f32,
     last_rate_quaternion: f32,
     last_rate_log_scale: f32,
@@ -92,8 +92,8 @@ const FLAG_ALL_MAPS = 4u;
 const FLAG_SECOND_MOMENTS = 8u;
 // The variant that counts global atomics reports them in place of faults.
 const FLAG_COUNT_ATOMICS = 16u;
-// Splats that the step before in the submission did not see take that step.
-const FLAG_UNSEEN = 32u;
+// Splats that were invisible in the submission's step before take that step.
+const FLAG_INVISIBLE = 32u;
 // Nothing else, as no step follows in the submission.
 const FLAG_NO_VIEW = 64u;
 

@@ -28,8 +28,8 @@ fn add_texel(s: Projected, units: f32, texel: vec2i, by_texel: vec3f) -> u32 {
 }
 #endif
 
-// Adds to one channel of a texel's gradient. A value that is not finite or exceeds the limit is a fault: it counts as
-// zero, or is clamped.
+// Adds to one channel of the gradient of a texel, which lies within its map. A value that is not finite or exceeds the limit is a
+// fault: it counts as zero, or is clamped.
 fn add_fixed(at: u32, by_texel: f32, units: f32, limit: f32) -> u32 {
     let value = by_texel * units;
     let fits = is_finite(value) && abs(value) <= limit;

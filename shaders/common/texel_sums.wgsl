@@ -44,6 +44,7 @@ fn add_texels(s: Projected, taps: Taps, by_colour: vec3f, blended: bool, subgrou
             let at = begin + sum / 3u;
             // The last texels may be behind the window.
             if sum < 3u * TEXELS_AT_A_TIME && at < num_texels {
+                // Between `first` and `past`, within the map.
                 let place = vec2u(first) + vec2u(at / extent.y, at % extent.y);
                 let texel_at = s.map_offset_texels + place.x * u32(size.y) + place.y;
                 faults += add_fixed(3u * texel_at + sum % 3u, sums[k], units, limit);

@@ -35,12 +35,13 @@ fn used_pairs(summed: vec2u, first: u32, pixel_end: u32, lane: u32) -> u32 {
     let used = workgroupUniformLoad(&end);
     let idle = max(used, summed.x) - step.partial_first;
     for (var k = idle * NUM_SUMS + lane; k < (summed.y - step.partial_first) * NUM_SUMS; k += RASTER_GROUP) {
+        // In bounds: summed.y lies at most partial_capacity behind partial_first.
         partials[k] = 0.0;
     }
     return used;
 }
 
-// Adds up the faults. The host needs only the total: the first of the summed pairs carries it. Has barriers.
+// Adds up the faults. The host needs only the total: the first of the summed pairs carries it; there is one. Has barriers.
 fn store_faults(first_summed: u32, faults: u32, lane: u32) {
     atomicAdd(&num_faults, faults);
     storageBarrier();

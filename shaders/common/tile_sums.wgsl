@@ -1,8 +1,8 @@
 // Partial sums over the pixels of a tile, from the quantities that they stored in workgroup memory: those of a
 // pair, and the gradients of a block of texels. Requires the declarations of raster_bwd. Each function is one
-// invocation's share.
+// invocation's share. Rows lie below PARTS = TILE_ROWS_PX, and columns below TILE_PX: the caller clips both to the tile.
 
-// Sums one quantity over a row of pixels; the first three also times dx and dy.
+// Sums one quantity, U to D or RED and the two after it, over a row of pixels; the first three also times dx and dy.
 fn sum_row(quantity: u32, row: u32, columns: vec2u, to_first: vec2f) {
     var total = 0.0;
     var times_dx = 0.0;
@@ -59,6 +59,7 @@ fn geometry_row(s: Projected, row: u32, columns: vec2u, origin_px: vec2u) {
     for (var column = columns.x; column < columns.y; column += 1u) {
         let weight = lanes[WEIGHT * RASTER_GROUP + column * PARTS + row];
         let pixel = origin_px + vec2u(column, row);
+        // In bounds: the box lies within the image.
         let at = 3u * (pixel.y * step.size_px.x + pixel.x);
         let c = pixel_records[at + 1u].xyz;
         let m = s.near_over_depth * (1.0 + dot(s.g, vec2f(pixel) + 0.5 - s.centre_px));
@@ -70,7 +71,8 @@ fn geometry_row(s: Projected, row: u32, columns: vec2u, origin_px: vec2u) {
 }
 #endif
 
-// Sums the gradients of a row of four texels of a block over every TEXEL_PARTS-th row of pixels.
+// Sums the gradients of a row of four texels of a block over every TEXEL_PARTS-th row of pixels; `texel_row` lies below
+// BLOCK_TEXELS, and `part` below TEXEL_PARTS.
 fn gather_row(s: Projected, first: vec2u, texel_row: u32, part: u32, low: vec2u, high: vec2u) {
     var red = vec4f(0.0);
     var green = vec4f(0.0);

@@ -8,7 +8,7 @@ const NUM_PATCHES = RASTER_GROUP / PATCH_LANES;
 // Bit k of a word: splat k of 32 touches the patch. [NUM_VISITS / NUM_PATCHES, NUM_PATCHES]
 var<workgroup> visits: array<atomic<u32>, NUM_VISITS>;
 
-// Marks the patches that a box touches, in NUM_PATCHES words from `first` on.
+// Marks the patches that a box touches, in NUM_PATCHES words from `first` on, for splat k < 32.
 fn mark_visits(first: u32, k: u32, box_min: u32, box_max: u32, origin_px: vec2u) {
     let low = vec2u(box_min & 0xffffu, box_min >> 16u);
     let high = vec2u(box_max & 0xffffu, box_max >> 16u);

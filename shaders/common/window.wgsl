@@ -44,7 +44,8 @@ fn window(
         + SSIM_WINDOW[3] * (d + d1) + SSIM_WINDOW[4] * (e + e1) + SSIM_WINDOW[5] * middle;
 }
 
-// Blurs two neighbours of a row at once, since they share most of their windows. `tap` reads a position in the halo.
+// Blurs two neighbours of a row at once, since they share most of their windows. `tap` reads a position in the halo: i is even and
+// below ACROSS, so that the last one is HALO - 1 at most.
 fn blurred_across(i: u32) -> mat2x4f {
     let at = i / TILE_PX * HALO_PX + i % TILE_PX;
     let a = tap(at);
@@ -62,7 +63,8 @@ fn blurred_across(i: u32) -> mat2x4f {
     return mat2x4f(window(a, b, c, d, e, f, g, h, k, l, m), window(b, c, d, e, f, g, h, k, l, m, n));
 }
 
-// Blurs along the column. `row` reads the result of `blurred_across`, k rows below.
+// Blurs along the column. `row` reads the result of `blurred_across`, k rows below: i lies below GROUP, and ACROSS has
+// 2 * SSIM_RADIUS_PX rows more.
 fn blurred_down(i: u32) -> vec4f {
     return window(
         row(i, 0u), row(i, 1u), row(i, 2u), row(i, 3u), row(i, 4u), row(i, 5u),

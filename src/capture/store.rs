@@ -30,8 +30,8 @@ struct State {
     kept: HashMap<usize, Arc<TargetImage>>,
     kept_bytes: u64,
     /// The others.
-    window: HashMap<usize, Cached>,
-    window_bytes: u64,
+    passing: HashMap<usize, Cached>,
+    passing_bytes: u64,
     /// Of these, bytes of those that wait for their use, decoded or being decoded.
     waiting_bytes: u64,
     clock: u64,
@@ -74,7 +74,7 @@ pub(crate) struct ImageStore {
 struct InFlight<'a> {
     shared: &'a Shared,
     view: usize,
-    /// Room in the window that is held for it.
+    /// Room among the photos that do not stay that is held for it.
     held_bytes: u64,
 }
 
@@ -104,20 +104,20 @@ impl Drop for Working<'_> {
 
 impl State {
     fn has(&self, view: usize) -> bool {
-        self.kept.contains_key(&view) || self.window.contains_key(&view)
+        self.kept.contains_key(&view) || self.passing.contains_key(&view)
     }
 
-    /// Takes an image out of the window.
+    /// Drops a photo that does not stay.
     fn remove(&mut self, view: usize) {
-        if let Some(old) = self.window.remove(&view) {
+        if let Some(old) = self.passing.remove(&view) {
             let bytes = old.image.num_bytes();
-            self.window_bytes -= bytes;
+            self.passing_bytes -= bytes;
             self.waiting_bytes -= if old.used.is_none() { bytes } else { 0 };
         }
     }
 
-    /// Keeps an image if it is one of those that stay. Otherwise it takes the place of those in the window that were used,
-    /// first of those used longest ago, and is not kept without such a place.
+    /// Keeps an image if it is one of those that stay. Otherwise it takes the place of others that do not stay
+    /// and were used, first of those used longest ago, and is not kept without such a place.
     fn insert(&mut self, view: usize, image: &Arc<TargetImage>, is_ahead: bool, shares: &Shares) {
         let bytes = image.num_bytes();
         self.decodes += 1;
@@ -128,23 +128,23 @@ impl State {
             return;
         }
         self.remove(view);
-        while self.window_bytes + bytes > shares.window_bytes {
-            let used = self.window.iter().filter_map(|(&view, cached)| Some((cached.used?, view)));
+        while self.passing_bytes + bytes > shares.passing_bytes {
+            let used = self.passing.iter().filter_map(|(&view, cached)| Some((cached.used?, view)));
             let Some((_, oldest)) = used.min() else { return };
             self.remove(oldest);
         }
         self.clock += 1;
-        self.window_bytes += bytes;
+        self.passing_bytes += bytes;
         self.waiting_bytes += if is_ahead { bytes } else { 0 };
         let used = (!is_ahead).then_some(self.clock);
-        self.window.insert(view, Cached { image: Arc::clone(image), used });
+        self.passing.insert(view, Cached { image: Arc::clone(image), used });
     }
 
     /// Photos decoded for an earlier prefetch no longer count as waiting for their use.
     fn forget_prefetched_except(&mut self, views: &[usize]) {
         let wanted: HashSet<&usize> = views.iter().collect();
         self.clock += 1;
-        for (view, cached) in &mut self.window {
+        for (view, cached) in &mut self.passing {
             if cached.used.is_none() && !wanted.contains(view) {
                 cached.used = Some(self.clock);
                 self.waiting_bytes -= cached.image.num_bytes();
@@ -158,7 +158,7 @@ impl State {
             return Some(Arc::clone(image));
         }
         self.clock += 1;
-        let cached = self.window.get_mut(&view)?;
+        let cached = self.passing.get_mut(&view)?;
         if cached.used.replace(self.clock).is_none() {
             self.waiting_bytes -= cached.image.num_bytes();
         }
@@ -186,7 +186,7 @@ impl Shared {
                 }
                 // Photos decoded ahead must not take each other's place.
                 let bytes = self.waiting_bytes(view);
-                if state.waiting_bytes + bytes <= self.shares.window_bytes || bytes == 0 {
+                if state.waiting_bytes + bytes <= self.shares.passing_bytes || bytes == 0 {
                     state.queue.pop_front();
                     state.waiting_bytes += bytes;
                     state.in_flight.insert(view);
@@ -367,7 +367,7 @@ impl ImageStore {
     /// Bytes in the cache.
     pub fn cached_bytes(&self) -> u64 {
         let state = self.shared.lock();
-        state.kept_bytes + state.window_bytes
+        state.kept_bytes + state.passing_bytes
     }
 }
 

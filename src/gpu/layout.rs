@@ -146,7 +146,7 @@ pub const FLAG_SECOND_MOMENTS: u32 = 8;
 /// The variant that counts global atomics reports them in place of faults.
 pub const FLAG_COUNT_ATOMICS: u32 = 16;
 /// Splats that the step before in the submission did not see take that step.
-pub const FLAG_UNSEEN: u32 = 32;
+pub const FLAG_INVISIBLE: u32 = 32;
 /// Nothing else, as no step follows in the submission.
 pub const FLAG_NO_VIEW: u32 = 64;
 

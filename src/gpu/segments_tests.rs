@@ -103,8 +103,8 @@ fn moments(backend: &mut GpuBackend, scene: &RandomScene, change: impl Fn(&mut [
     backend.arm();
     let mut inputs = backend.uniform_inputs();
     inputs.pair_capacity = backend.capacity.training_pairs as u32;
-    let rounds = backend.rounds(0, &uniform::step(&inputs, &request, first_px, 0));
-    let dispatches = backend.step_dispatches(&rounds, &scene.camera, false, true, false);
+    let turns = backend.turns(0, &uniform::step(&inputs, &request, first_px, 0));
+    let dispatches = backend.step_dispatches(&turns, &scene.camera, false, true, false);
     let backward = dispatches.iter().position(|d| d.kernel == backend.raster.bwd_statistics).unwrap();
     backend.submit(&dispatches[..backward]);
     let buffer = backend.resources.buffer(Buf::Pairs).clone();

@@ -83,7 +83,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "common/tile",
     "common/tile_pairs",
     "common/tile_sums",
-    "common/unseen",
+    "common/invisible",
     "common/visits",
     "common/window",
     "adam_texel",

@@ -12,7 +12,7 @@ use super::resources::{Resources, UniformOffsets};
 use super::sort;
 use super::timing::Timer;
 use super::uniform::{self, UniformInputs};
-use super::view_buffers::{Capacity, MOST_ROUNDS};
+use super::view_buffers::{Capacity, MOST_TURNS};
 use crate::Result;
 use crate::camera::Similarity;
 use crate::model::{AdamState, Filter, Model, SplatArrays, TexturePool};
@@ -52,7 +52,7 @@ impl GpuBackend {
         let pipelines = device.pipelines(&raster.without_geometry(), &form.flags(), form.checks_indices)?;
         let passes = sort::sort_passes();
         let mut resources = Resources::new(
-            device.uniforms("steps", (MOST_ROUNDS * BATCH + 1) as u64)?,
+            device.uniforms("steps", (MOST_TURNS * BATCH + 1) as u64)?,
             device.uniforms("sort passes", passes.len() as u64)?,
         );
         for (i, pass) in passes.iter().enumerate() {

@@ -4,14 +4,14 @@
 use super::encode::Dispatch;
 use super::in_flight::KernelTimes;
 use super::kernels::KernelId;
-use super::layout::{FLAG_COUNT_ATOMICS, FLAG_UNSEEN, MAX_SIDE_PX, Status, StepUniform};
+use super::layout::{FLAG_COUNT_ATOMICS, FLAG_INVISIBLE, MAX_SIDE_PX, Status, StepUniform};
 use super::limits;
 use super::pace::BATCH;
 use super::resources::UniformOffsets;
 use super::sort;
 use super::state::GpuBackend;
 use super::uniform::{self, UniformInputs};
-use super::view_buffers::{MOST_ROUNDS, RequiredCapacity};
+use super::view_buffers::{MOST_TURNS, RequiredCapacity};
 use crate::backend::{ColourSums, LossValues, RasterCounters, StepReport, StepRequest};
 use crate::camera::Camera;
 use crate::{Error, Result};
@@ -34,16 +34,16 @@ impl GpuBackend {
     fn task_dispatches(
         &self,
         task: Task,
-        rounds: &[UniformOffsets],
+        turns: &[UniformOffsets],
         request: &StepRequest<'_>,
     ) -> Vec<Dispatch> {
-        let offsets = rounds[0];
+        let offsets = turns[0];
         let geometry = request.loss.needs_geometry();
         let (statistics, exposure) = (request.accumulate_statistics, request.exposure.is_some());
         match task {
-            Task::Train => self.step_dispatches(rounds, &request.camera, geometry, statistics, exposure),
+            Task::Train => self.step_dispatches(turns, &request.camera, geometry, statistics, exposure),
             Task::Probe => {
-                let mut out = self.step_dispatches(rounds, &request.camera, false, false, exposure);
+                let mut out = self.step_dispatches(turns, &request.camera, false, false, exposure);
                 // Before the step is marked as applied.
                 out.insert(out.len() - 1, Dispatch::new(KernelId::ProbeCosts, offsets));
                 out
@@ -74,17 +74,17 @@ impl GpuBackend {
     }
 
     /// Dispatches of a training step; `geometry` includes the distortion and normal terms, and window statistics;
-    /// `exposure` corrects the image by that of the photo. `rounds` are the uniforms of [`Self::rounds`].
+    /// `exposure` corrects the image by that of the photo. `turns` are the uniforms of [`Self::turns`].
     pub(super) fn step_dispatches(
         &self,
-        rounds: &[UniformOffsets],
+        turns: &[UniformOffsets],
         camera: &Camera,
         geometry: bool,
         statistics: bool,
         exposure: bool,
     ) -> Vec<Dispatch> {
         use KernelId as K;
-        let offsets = rounds[0];
+        let offsets = turns[0];
         let mut out = self.forward(offsets, camera, geometry);
         let mut loss = if exposure {
             vec![K::ExposureFwd, K::ExposureSums, K::LossFwd, K::LossBwd, K::ExposureBwd]
@@ -99,30 +99,30 @@ impl GpuBackend {
             (bwd, K::ProjectBwd, K::Finish)
         };
         out.extend(loss.into_iter().map(|id| Dispatch::new(id, offsets)));
-        out.extend(rounds.iter().flat_map(|&round| [bwd, K::SumPairs].map(|id| Dispatch::new(id, round))));
+        out.extend(turns.iter().flat_map(|&turn| [bwd, K::SumPairs].map(|id| Dispatch::new(id, turn))));
         let last = [project_bwd, K::AdamTexel, K::FinishBlocks, finish];
         out.extend(last.map(|id| Dispatch::new(id, offsets)));
         out
     }
 
-    /// Uniforms of the rounds in which a step sums the derivatives by its pairs: one, unless the partial sums of all pairs
+    /// Uniforms of the turns in which a step sums the derivatives by its pairs: one, unless the partial sums of all pairs
     /// exceed a buffer. The bits do not depend on their number.
-    pub(super) fn rounds(&self, slot: usize, uniform: &StepUniform) -> Vec<UniformOffsets> {
+    pub(super) fn turns(&self, slot: usize, uniform: &StepUniform) -> Vec<UniformOffsets> {
         let pairs = self.capacity.partial_pairs(uniform.partial_stride);
         let count = self.capacity.training_pairs.div_ceil(pairs.max(1)).max(1) as usize;
-        assert!(count <= MOST_ROUNDS, "{count} rounds for {} pairs", self.capacity.training_pairs);
-        let round = |k: usize| StepUniform {
+        assert!(count <= MOST_TURNS, "{count} turns for {} pairs", self.capacity.training_pairs);
+        let turn = |k: usize| StepUniform {
             partial_first: (k as u64 * pairs) as u32,
             partial_capacity: pairs as u32,
             ..*uniform
         };
-        (0..count).map(|k| self.set_uniform(k * BATCH + slot, &round(k))).collect()
+        (0..count).map(|k| self.set_uniform(k * BATCH + slot, &turn(k))).collect()
     }
 
-    /// The dispatch after the last of these steps, in which splats that it did not see take it. Within a submission the next
+    /// The dispatch after the last of these steps, in which splats that were invisible in it take it. Within a submission the next
     /// step does this, by the same kernel: the bits do not depend on how many steps are submitted at a time.
     fn end_dispatch(&self, inputs: &UniformInputs, requests: &[StepRequest<'_>]) -> Dispatch {
-        let offsets = self.set_uniform(MOST_ROUNDS * BATCH, &uniform::end(inputs));
+        let offsets = self.set_uniform(MOST_TURNS * BATCH, &uniform::end(inputs));
         let geometry = requests.last().is_some_and(|r| r.loss.needs_geometry());
         Dispatch::new(if geometry { KernelId::ProjectGeometry } else { KernelId::Project }, offsets)
     }
@@ -208,15 +208,15 @@ impl GpuBackend {
             let mut uniform = uniform::step(&inputs, request, photo_px, (part * BATCH + slot) as u32);
             match task {
                 Task::Train => {
-                    uniform.flags |= if slot > 0 { FLAG_UNSEEN } else { 0 };
+                    uniform.flags |= if slot > 0 { FLAG_INVISIBLE } else { 0 };
                     uniform.flags |= if self.counts_atomics(request) { FLAG_COUNT_ATOMICS } else { 0 };
                 }
                 // As an image: parameters are flushed, but not stored.
                 Task::Compare => (uniform.step, uniform.flags, uniform.segment_pairs) = (0, 0, 0),
-                // The first moments of splats that it does not see are 0: they stand still.
+                // The first moments of invisible splats are 0: they stand still.
                 Task::Probe => {}
             }
-            dispatches.extend(self.task_dispatches(task, &self.rounds(slot, &uniform), request));
+            dispatches.extend(self.task_dispatches(task, &self.turns(slot, &uniform), request));
             ends.push(dispatches.len());
             if task != Task::Compare {
                 (inputs.flushed_step, inputs.flushed_rates) = (request.step, request.rates);

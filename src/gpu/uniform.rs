@@ -1,7 +1,7 @@
 //! Fills in the uniforms of training steps and images.
 
 use super::layout::{
-    FLAG_NO_VIEW, FLAG_PERSIST, FLAG_STATISTICS, FLAG_UNSEEN, PAIR_SUMS, PAIR_SUMS_GEOMETRY,
+    FLAG_INVISIBLE, FLAG_NO_VIEW, FLAG_PERSIST, FLAG_STATISTICS, PAIR_SUMS, PAIR_SUMS_GEOMETRY,
     PAIR_SUMS_STATISTICS, StepUniform,
 };
 use super::shader::{FIXED_MAX, TILE_PX};
@@ -61,7 +61,7 @@ pub(super) fn without_view(inputs: &UniformInputs, flags: u32) -> StepUniform {
 
 /// Uniform of `project` after the last step of a submission: splats that it did not see take it.
 pub(super) fn end(inputs: &UniformInputs) -> StepUniform {
-    without_view(inputs, FLAG_UNSEEN | FLAG_NO_VIEW)
+    without_view(inputs, FLAG_INVISIBLE | FLAG_NO_VIEW)
 }
 
 /// Bias corrections of both moments, 1 / (1 - beta1^t) and 1 / sqrt(1 - beta2^t).

@@ -12,7 +12,7 @@ use crate::Result;
 use std::collections::BTreeMap;
 
 /// Most parts of a buffer's size that the partial sums of all pairs take; one more for rounding.
-pub(super) const MOST_ROUNDS: usize = (4 * PAIR_SUMS_GEOMETRY as u64 / LEAST_PAIR_BYTES) as usize + 1;
+pub(super) const MOST_TURNS: usize = (4 * PAIR_SUMS_GEOMETRY as u64 / LEAST_PAIR_BYTES) as usize + 1;
 
 /// Current capacity of the buffers.
 #[derive(Clone, Debug, Default)]

@@ -173,7 +173,7 @@ fn batches_and_repeated_steps_change_no_bit() {
     }
 }
 
-/// A buffer's limit at which the partial sums of a view's pairs need several rounds.
+/// A buffer's limit at which the partial sums of a view's pairs need several turns.
 const SMALL: LimitChoice = LimitChoice::Buffers(120_000);
 
 #[test]
@@ -201,7 +201,7 @@ fn pairs_beyond_one_binding_train_the_same_bytes() {
             let step = small.step(&step_of(&scene, &cameras, 6)).unwrap();
             let (pairs, fit) = (step.counters.tile_pairs, small.capacity.partial_pairs(PAIR_SUMS_STATISTICS));
             println!("{pairs} pairs, sums of {fit} at a time");
-            assert!(pairs > fit, "several rounds");
+            assert!(pairs > fit, "several turns");
             assert!(
                 trained(&mut small, &scene, &cameras, 4, options) != expected,
                 "negative control: a step less"

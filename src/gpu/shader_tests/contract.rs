@@ -28,7 +28,7 @@ fn all_constants() -> BTreeMap<&'static str, Literal> {
         ("FLAG_ALL_MAPS", layout::FLAG_ALL_MAPS),
         ("FLAG_SECOND_MOMENTS", layout::FLAG_SECOND_MOMENTS),
         ("FLAG_COUNT_ATOMICS", layout::FLAG_COUNT_ATOMICS),
-        ("FLAG_UNSEEN", layout::FLAG_UNSEEN),
+        ("FLAG_INVISIBLE", layout::FLAG_INVISIBLE),
         ("FLAG_NO_VIEW", layout::FLAG_NO_VIEW),
         ("CHANGE_SAME", layout::CHANGE_SAME),
         ("CHANGE_FINER", layout::CHANGE_FINER),

@@ -11,7 +11,7 @@ fn last_rate(f: u32) -> f32 {
     return select(step.last_rate_opacity, step.last_rate_log_scale, f < OPACITY);
 }
 
-fn step_unseen(first: u32) {
+fn step_invisible(first: u32) {
     for (var f = 0u; f < SH; f += 1u) {
         let at = first + f;
         let state = Moments(splat_p[at], splat_m[at], splat_v[at]);
