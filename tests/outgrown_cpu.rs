@@ -325,8 +325,7 @@ fn a_model_that_cannot_be_read_is_left_as_it_is() {
     });
     assert!(matches!(error, Err(Error::DeviceFull(_))));
     assert_eq!(saved, [DeviceBound::default()], "a device with more room goes on in full size");
-    // The next would have 30.
-    assert!((32..38).contains(&backend.side_px), "{} px", backend.side_px);
+    assert!((25..=32).contains(&backend.side_px), "{} px", backend.side_px);
 }
 
 #[test]

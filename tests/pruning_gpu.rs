@@ -245,5 +245,9 @@ fn trials_of_merges_send_the_model_twice_at_most() {
         println!("{pruned:?}\n    {work:?}");
         // Needed 1 upload and 19 waits here, where the first trial is good enough; each further one adds 1 and 4.
         assert!(work.uploads <= 2 && work.photos <= 5 && work.waits <= 24, "{work:?}");
+        // Parameters of four bytes: for density control, for pruning, for merges, and once with both moments; statistics and costs
+        // of 104 bytes a splat.
+        let most = 24 * pruned.params_before + 104 * (400 + pruned.splats) + (64 << 10);
+        assert!(work.read_bytes <= most as u64, "{} bytes, at most {most}", work.read_bytes);
     }
 }

@@ -9,7 +9,7 @@ use crate::backend::{StepReport, StepRequest};
 use crate::text::format_count;
 use crate::{Error, Result, Warning};
 
-/// Least smaller side to which images are reduced for the device, in pixels.
+/// Smaller side below which images are not reduced for the device, in pixels.
 const LEAST_SIDE_PX: f64 = 32.0;
 
 /// Code of the warning that a round of pruning did not fit.
@@ -55,11 +55,8 @@ impl Trainer<'_> {
         }
     }
 
-    /// Whether images that are smaller by one factor are large enough.
     fn can_reduce_images(&self) -> bool {
-        let mut smaller = self.state.device;
-        smaller.reduce_images(self.stage.render_scale);
-        f64::from(smaller_side_px(&self.cameras)) / smaller.least_scale >= LEAST_SIDE_PX
+        f64::from(smaller_side_px(&self.cameras)) / self.stage.render_scale > LEAST_SIDE_PX
     }
 
     fn reduce_images(&mut self, what: &str) {
