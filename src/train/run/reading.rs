@@ -53,7 +53,7 @@ impl Trainer<'_> {
             Ok(Evaluated::Stopped) => return Ok(Control::Stop),
             Ok(Evaluated::Nothing) => {
                 "the masks exclude every pixel of the test views: there are no test figures; check \
-                                       --set capture.mask-invert, or hold out other views (--test-every)"
+                 --set capture.mask-invert, or hold out other views (--test-every)"
                     .to_owned()
             }
             // Steps on smaller images go on.
