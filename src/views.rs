@@ -37,6 +37,22 @@ pub fn by_place(views: &dyn ViewSource, mut indices: Vec<usize>) -> Vec<usize> {
     indices
 }
 
+/// A photo that will be needed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct WantedPhoto {
+    /// Index of the view.
+    pub view: usize,
+    /// Width and height that it is reduced to; `None`: its own.
+    pub reduced_px: Option<(u32, u32)>,
+}
+
+impl WantedPhoto {
+    /// Photos at their own size.
+    pub fn full(views: &[usize]) -> Vec<Self> {
+        views.iter().map(|&view| Self { view, reduced_px: None }).collect()
+    }
+}
+
 /// Views with cameras and photos.
 pub trait ViewSource: Sync {
     /// Number of views, both sides of the split.
@@ -67,6 +83,14 @@ pub trait ViewSource: Sync {
     /// Whatever reading the file reports.
     fn target(&self, view: usize) -> Result<Arc<TargetImage>>;
 
+    /// The photo, reduced by area to a width and height of at most its own. May block while it is decoded.
+    ///
+    /// # Errors
+    /// As [`Self::target`].
+    fn reduced_target(&self, view: usize, (width_px, height_px): (u32, u32)) -> Result<Arc<TargetImage>> {
+        Ok(Arc::new(self.target(view)?.reduced(width_px, height_px)))
+    }
+
     /// Whether any photo has a pixel that is not opaque. May decode photos.
     fn has_alpha(&self) -> bool {
         false
@@ -82,8 +106,8 @@ pub trait ViewSource: Sync {
         true
     }
 
-    /// Announces the views that will be needed next, so that they can be decoded in the background.
-    fn prefetch(&self, _views: &[usize]) {}
+    /// Announces the photos that will be needed next, so that they can be made in the background. The order is that of their use.
+    fn prefetch(&self, _wanted: &[WantedPhoto]) {}
 
     /// Indices of one side of the split, ascending.
     fn indices(&self, split: Split) -> Vec<usize> {

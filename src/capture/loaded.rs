@@ -8,7 +8,7 @@ use super::zipped::Unpacked;
 use crate::camera::up::Up;
 use crate::camera::{Camera, Similarity};
 use crate::image::TargetImage;
-use crate::views::{SfmPoint, Split, ViewSource};
+use crate::views::{SfmPoint, Split, ViewSource, WantedPhoto};
 use crate::{Error, Report, Result};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -118,6 +118,10 @@ impl ViewSource for Capture {
         self.store.get(view).map_err(|e| self.name_archive(e))
     }
 
+    fn reduced_target(&self, view: usize, size_px: (u32, u32)) -> Result<Arc<TargetImage>> {
+        self.store.get_reduced(view, size_px).map_err(|e| self.name_archive(e))
+    }
+
     fn has_alpha(&self) -> bool {
         self.store.has_alpha()
     }
@@ -130,7 +134,7 @@ impl ViewSource for Capture {
         self.store.keeps_all()
     }
 
-    fn prefetch(&self, views: &[usize]) {
-        self.store.prefetch(views);
+    fn prefetch(&self, wanted: &[WantedPhoto]) {
+        self.store.prefetch(wanted);
     }
 }

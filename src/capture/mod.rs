@@ -48,6 +48,7 @@ mod repeated_tests;
 mod source;
 mod split;
 mod store;
+mod stored;
 #[cfg(test)]
 mod strangers_tests;
 #[cfg(test)]

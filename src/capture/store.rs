@@ -4,10 +4,11 @@
 use super::decode::{Decoded, Recipe};
 use super::jpeg_end;
 use super::pinned::Shares;
+use super::stored::State;
 use crate::Result;
 use crate::image::TargetImage;
+use crate::views::WantedPhoto;
 use rayon::prelude::*;
-use std::collections::{HashMap, HashSet, VecDeque};
 use std::path::PathBuf;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
@@ -17,31 +18,6 @@ const PREFETCH_THREADS: [usize; 2] = [2, 8];
 
 /// Memory for decoding several photos at once; a single one may need more.
 const DECODING_BYTES_MAX: u64 = 512 << 20;
-
-struct Cached {
-    image: Arc<TargetImage>,
-    /// Of photos that do not stay: when it was used last; `None`: decoded ahead and not requested yet.
-    used: Option<u64>,
-}
-
-#[derive(Default)]
-struct State {
-    /// Photos that stay.
-    kept: HashMap<usize, Arc<TargetImage>>,
-    kept_bytes: u64,
-    /// The others.
-    passing: HashMap<usize, Cached>,
-    passing_bytes: u64,
-    /// Of these, bytes of those that wait for their use, decoded or being decoded.
-    waiting_bytes: u64,
-    clock: u64,
-    in_flight: HashSet<usize>,
-    /// Working memory of the decodes under way.
-    decoding_bytes: u64,
-    queue: VecDeque<usize>,
-    stopped: bool,
-    decodes: u64,
-}
 
 struct Shared {
     recipes: Vec<Recipe>,
@@ -102,85 +78,22 @@ impl Drop for Working<'_> {
     }
 }
 
-impl State {
-    fn has(&self, view: usize) -> bool {
-        self.kept.contains_key(&view) || self.passing.contains_key(&view)
-    }
-
-    /// Drops a photo that does not stay.
-    fn remove(&mut self, view: usize) {
-        if let Some(old) = self.passing.remove(&view) {
-            let bytes = old.image.num_bytes();
-            self.passing_bytes -= bytes;
-            self.waiting_bytes -= if old.used.is_none() { bytes } else { 0 };
-        }
-    }
-
-    /// Keeps an image if it is one of those that stay. Otherwise it takes the place of others that do not stay
-    /// and were used, first of those used longest ago, and is not kept without such a place.
-    fn insert(&mut self, view: usize, image: &Arc<TargetImage>, is_ahead: bool, shares: &Shares) {
-        let bytes = image.num_bytes();
-        self.decodes += 1;
-        if shares.pinned[view] {
-            if self.kept.insert(view, Arc::clone(image)).is_none() {
-                self.kept_bytes += bytes;
-            }
-            return;
-        }
-        self.remove(view);
-        while self.passing_bytes + bytes > shares.passing_bytes {
-            let used = self.passing.iter().filter_map(|(&view, cached)| Some((cached.used?, view)));
-            let Some((_, oldest)) = used.min() else { return };
-            self.remove(oldest);
-        }
-        self.clock += 1;
-        self.passing_bytes += bytes;
-        self.waiting_bytes += if is_ahead { bytes } else { 0 };
-        let used = (!is_ahead).then_some(self.clock);
-        self.passing.insert(view, Cached { image: Arc::clone(image), used });
-    }
-
-    /// Photos decoded for an earlier prefetch no longer count as waiting for their use.
-    fn forget_prefetched_except(&mut self, views: &[usize]) {
-        let wanted: HashSet<&usize> = views.iter().collect();
-        self.clock += 1;
-        for (view, cached) in &mut self.passing {
-            if cached.used.is_none() && !wanted.contains(view) {
-                cached.used = Some(self.clock);
-                self.waiting_bytes -= cached.image.num_bytes();
-            }
-        }
-    }
-
-    /// An image from the cache, marked as used.
-    fn take(&mut self, view: usize) -> Option<Arc<TargetImage>> {
-        if let Some(image) = self.kept.get(&view) {
-            return Some(Arc::clone(image));
-        }
-        self.clock += 1;
-        let cached = self.passing.get_mut(&view)?;
-        if cached.used.replace(self.clock).is_none() {
-            self.waiting_bytes -= cached.image.num_bytes();
-        }
-        Some(Arc::clone(&cached.image))
-    }
-}
-
 impl Shared {
     /// The state is consistent between any two statements, so a poisoned lock does no harm.
     fn lock(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Next view for a background thread; `None` at the end.
-    fn next_ahead(&self) -> Option<usize> {
+    /// Next photo for a background thread; `None` at the end.
+    fn next_ahead(&self) -> Option<WantedPhoto> {
         let mut state = self.lock();
         loop {
             if state.stopped {
                 return None;
             }
-            if let Some(&view) = state.queue.front() {
-                if state.has(view) || state.in_flight.contains(&view) {
+            if let Some(&wanted) = state.queue.front() {
+                let view = wanted.view;
+                if state.has(wanted) || state.in_flight.contains(&view) {
                     state.queue.pop_front();
                     continue;
                 }
@@ -190,7 +103,7 @@ impl Shared {
                     state.queue.pop_front();
                     state.waiting_bytes += bytes;
                     state.in_flight.insert(view);
-                    return Some(view);
+                    return Some(wanted);
                 }
             }
             state = self.work.wait(state).unwrap_or_else(PoisonError::into_inner);
@@ -216,15 +129,41 @@ impl Shared {
     /// Makes a photo.
     fn decode(&self, view: usize) -> Result<Arc<TargetImage>> {
         let _working = self.working(view);
-        self.recipes[view].decode().map(|decoded| Arc::new(decoded.image))
+        let image = Arc::new(self.recipes[view].decode()?.image);
+        self.lock().decodes += 1;
+        Ok(image)
+    }
+
+    /// Makes a photo that is wanted smaller, from that of the cache if it is there.
+    fn reduce(&self, view: usize, (width_px, height_px): (u32, u32)) -> Result<Arc<TargetImage>> {
+        let cached = self.lock().take(WantedPhoto { view, reduced_px: None });
+        let image = match cached {
+            Some(image) => image,
+            None => {
+                let image = self.decode(view)?;
+                if self.shares.pinned[view] {
+                    self.lock().insert(view, &image, false, &self.shares);
+                }
+                image
+            }
+        };
+        Ok(Arc::new(image.reduced(width_px, height_px)))
     }
 
     fn run_ahead(&self) {
-        while let Some(view) = self.next_ahead() {
+        while let Some(wanted) = self.next_ahead() {
+            let view = wanted.view;
             let _mark = InFlight { shared: self, view, held_bytes: self.waiting_bytes(view) };
-            // An error comes up again when the view is requested.
-            if let Ok(image) = self.decode(view) {
-                self.lock().insert(view, &image, true, &self.shares);
+            let made = match wanted.reduced_px {
+                None => self.decode(view),
+                Some(size_px) => self.reduce(view, size_px),
+            };
+            // An error comes up again when the photo is requested.
+            let Ok(image) = made else { continue };
+            let mut state = self.lock();
+            match wanted.reduced_px {
+                None => state.insert(view, &image, true, &self.shares),
+                Some(_) => state.insert_reduced(wanted, image, &self.shares),
             }
         }
     }
@@ -265,28 +204,42 @@ impl ImageStore {
 
     /// The photo of a view.
     pub fn get(&self, view: usize) -> Result<Arc<TargetImage>> {
-        let shared = &*self.shared;
+        let (_mark, shared) = match self.made_ahead(WantedPhoto { view, reduced_px: None }) {
+            Ok(image) => return Ok(image),
+            Err(mark) => (mark, &*self.shared),
+        };
+        let image = shared.decode(view)?;
+        shared.lock().insert(view, &image, false, &shared.shares);
+        Ok(image)
+    }
+
+    /// The photo of a view, reduced to a width and height.
+    pub fn get_reduced(&self, view: usize, size_px: (u32, u32)) -> Result<Arc<TargetImage>> {
+        match self.made_ahead(WantedPhoto { view, reduced_px: Some(size_px) }) {
+            Ok(image) => Ok(image),
+            Err(_mark) => self.shared.reduce(view, size_px),
+        }
+    }
+
+    /// A photo of the cache, after a decode of its view that is under way; or the mark of one to be made here.
+    fn made_ahead(&self, wanted: WantedPhoto) -> std::result::Result<Arc<TargetImage>, InFlight<'_>> {
+        let (shared, view) = (&*self.shared, wanted.view);
         let mut state = shared.lock();
         // Cancel its prefetch: it is served here.
-        if let Some(at) = state.queue.iter().position(|&v| v == view) {
+        if let Some(at) = state.queue.iter().position(|&queued| queued == wanted) {
             state.queue.remove(at);
         }
         loop {
-            if let Some(image) = state.take(view) {
+            if let Some(image) = state.take(wanted) {
                 // Room for the background threads.
                 shared.work.notify_all();
                 return Ok(image);
             }
             if state.in_flight.insert(view) {
-                break;
+                return Err(InFlight { shared, view, held_bytes: 0 });
             }
             state = shared.decoded.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
-        drop(state);
-        let _mark = InFlight { shared, view, held_bytes: 0 };
-        let image = shared.decode(view)?;
-        shared.lock().insert(view, &image, false, &shared.shares);
-        Ok(image)
     }
 
     /// Makes a photo without keeping it.
@@ -312,7 +265,7 @@ impl ImageStore {
             let masked_share = recipe.mask.is_some().then_some(decoded.masked_share);
             let has_pixels = image.has_counted_pixels();
             let mut state = shared.lock();
-            if !state.has(view) && shared.shares.pinned[view] {
+            if shared.shares.pinned[view] && !state.kept.contains_key(&view) {
                 state.insert(view, &image, false, &shared.shares);
             }
             drop(state);
@@ -327,12 +280,12 @@ impl ImageStore {
         (0..self.shared.recipes.len()).into_par_iter().map(check).collect()
     }
 
-    /// Decodes these views in the background, in this order; replaces an earlier prefetch.
-    pub fn prefetch(&self, views: &[usize]) {
+    /// Makes these photos in the background, in this order; replaces an earlier prefetch.
+    pub fn prefetch(&self, wanted: &[WantedPhoto]) {
         let num_recipes = self.shared.recipes.len();
         let mut state = self.shared.lock();
-        state.queue = views.iter().copied().filter(|&v| v < num_recipes).collect();
-        state.forget_prefetched_except(views);
+        state.queue = wanted.iter().copied().filter(|wanted| wanted.view < num_recipes).collect();
+        state.forget_prefetched_except(wanted);
         drop(state);
         let mut threads = self.threads.lock().unwrap_or_else(PoisonError::into_inner);
         while threads.len() < prefetch_threads() {

@@ -101,7 +101,7 @@ fn of_a_cache_for_part_of_the_photos_a_fixed_set_stays() {
 fn a_budget_below_one_photo_caches_nothing_but_still_decodes() {
     let folder = tempfile::tempdir().unwrap();
     let store = store(folder.path(), 2, 10);
-    store.prefetch(&[0, 1]);
+    store.prefetch(&WantedPhoto::full(&[0, 1]));
     assert_eq!(store.get(1).unwrap().rgb[0], 1);
     assert!(store.cached_bytes() == 0 && !store.keeps_all());
 }
@@ -112,7 +112,11 @@ fn photos_do_not_depend_on_prefetching_or_threads() {
     for budget_bytes in [0, BYTES, 5 * BYTES, 1 << 20] {
         let store = store(folder.path(), 12, budget_bytes);
         for round in 0..20 {
-            store.prefetch(&(0..12).map(|i| (i * 5 + round) % 12).collect::<Vec<_>>());
+            let wanted = |i: usize| {
+                let full = WantedPhoto { view: (i * 5 + round) % 12, reduced_px: None };
+                if round % 3 == 0 { half(full.view) } else { full }
+            };
+            store.prefetch(&(0..12).map(wanted).collect::<Vec<_>>());
             std::thread::scope(|scope| {
                 for t in 0..3 {
                     let store = &store;
@@ -120,6 +124,8 @@ fn photos_do_not_depend_on_prefetching_or_threads() {
                         for i in 0..12 {
                             let view = (i * 7 + t) % 12;
                             assert!(store.get(view).unwrap().rgb.iter().all(|&p| p == view as u8));
+                            let half = store.get_reduced(view, (SIDE / 2, SIDE / 2)).unwrap();
+                            assert!(half.rgb.len() == 75 && half.rgb.iter().all(|&p| p == view as u8));
                             assert!(store.cached_bytes() <= budget_bytes);
                         }
                     });
@@ -135,15 +141,52 @@ fn prefetched_photos_that_are_never_requested_do_not_block_later_prefetches() {
     let store = store(folder.path(), 6, 4 * BYTES);
     let decodes = || store.shared.lock().decodes;
     for (views, expected) in [([0, 1], 2), ([2, 3], 4), ([4, 5], 6)] {
-        store.prefetch(&views);
-        // Bounded wait: about 10 s before the test fails.
-        for _ in 0..10_000 {
-            if decodes() == expected {
-                break;
-            }
-            std::thread::sleep(std::time::Duration::from_millis(1));
-        }
+        store.prefetch(&WantedPhoto::full(&views));
+        wait_until(|| decodes() == expected);
         assert_eq!(decodes(), expected, "{views:?}");
+    }
+}
+
+/// Bounded: about 10 s before a test fails.
+fn wait_until(is_so: impl Fn() -> bool) {
+    for _ in 0..10_000 {
+        if is_so() {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(1));
+    }
+}
+
+/// Photo of a view at half its size.
+fn half(view: usize) -> WantedPhoto {
+    WantedPhoto { view, reduced_px: Some((SIDE / 2, SIDE / 2)) }
+}
+
+#[test]
+fn photos_of_a_smaller_size_are_made_ahead_for_one_use() {
+    let folder = tempfile::tempdir().unwrap();
+    // All stay, and none: then two fit that wait, the full one while it is made.
+    for (budget_bytes, photos) in [(1 << 20, 4), (2 * BYTES, 4)] {
+        let store = store(folder.path(), photos, budget_bytes);
+        let has = |view| store.shared.lock().has(half(view));
+        let get = |view| store.get_reduced(view, (SIDE / 2, SIDE / 2)).unwrap();
+        store.prefetch(&[half(2), half(0)]);
+        wait_until(|| has(0) && has(2));
+        assert!(has(0) && has(2) && !has(1));
+        let decodes = store.shared.lock().decodes;
+        let image = get(2);
+        assert_eq!((image.width_px, image.height_px, image.rgb[0]), (SIDE / 2, SIDE / 2, 2));
+        assert_eq!(store.shared.lock().decodes, decodes, "it was there");
+        assert!(!has(2) && has(0), "for one use");
+        // Another size is another photo.
+        assert_eq!(store.get_reduced(0, (3, 2)).unwrap().rgb.len(), 18);
+        assert!(has(0));
+        store.prefetch(&[half(3)]);
+        assert!(!has(0), "no longer wanted");
+        assert_eq!(get(3).rgb[0], 3);
+        assert_eq!(store.shared.lock().waiting_bytes, 0);
+        // On demand, also of a photo in the cache.
+        assert_eq!(store.get(1).unwrap().reduced(SIDE / 2, SIDE / 2), *get(1));
     }
 }
 
@@ -156,7 +199,7 @@ fn batches_longer_than_the_cache_decode_each_photo_once() {
         let store = store(folder.path(), 64, photos * BYTES);
         let views: Vec<usize> = (0..64).map(|i| (i * 5) % 64).collect();
         for first in (0..64).step_by(BATCH) {
-            store.prefetch(&views[first..views.len().min(first + 2 * BATCH)]);
+            store.prefetch(&WantedPhoto::full(&views[first..views.len().min(first + 2 * BATCH)]));
             let held: Vec<_> = views[first..first + BATCH].iter().map(|&v| store.get(v).unwrap()).collect();
             assert!(held.iter().zip(&views[first..]).all(|(image, &v)| image.rgb[0] == v as u8));
             assert!(store.cached_bytes() <= photos * BYTES);
@@ -170,7 +213,7 @@ fn errors_of_prefetched_photos_surface_on_request() {
     let folder = tempfile::tempdir().unwrap();
     let store = store(folder.path(), 2, 1 << 20);
     std::fs::write(folder.path().join("1.png"), b"no photo").unwrap();
-    store.prefetch(&[1, 0, 99]);
+    store.prefetch(&WantedPhoto::full(&[1, 0, 99]));
     assert!(store.get(0).is_ok());
     for _ in 0..2 {
         let error = store.get(1).unwrap_err().to_string();

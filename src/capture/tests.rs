@@ -5,7 +5,7 @@ use super::*;
 use crate::Error;
 use crate::init::{InitInput, InitOptions, InitPoints, InitialModel, initial_model};
 use crate::sample::{SampleOptions, write_sample};
-use crate::views::{Split, ViewSource as _};
+use crate::views::{Split, ViewSource as _, WantedPhoto};
 use glam::DVec3;
 use tempfile::{TempDir, tempdir};
 
@@ -432,7 +432,7 @@ fn wrong_options_are_usage_errors() {
 fn prefetching_through_the_capture_gives_the_same_photos() {
     let folder = written(&Scene::ring(9));
     let (a, b) = (load(&folder, &options()), load(&folder, &options()));
-    b.prefetch(&(0..9).rev().collect::<Vec<_>>());
+    b.prefetch(&WantedPhoto::full(&(0..9).rev().collect::<Vec<_>>()));
     for view in 0..9 {
         assert_eq!(a.target(view).unwrap(), b.target(view).unwrap());
     }

@@ -9,6 +9,7 @@ use crate::Result;
 use crate::camera::Camera;
 use crate::constants::MAP_SIGMA_MAX;
 use crate::image::{TargetImage, is_background};
+use crate::views::WantedPhoto;
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use rayon::prelude::*;
 
@@ -74,7 +75,7 @@ pub(super) fn backdrop(
     let directions: Vec<DVec3> = directions().into_iter().map(|d| turned * d).collect();
     let radii = radii(&directions, points);
     let mut seen = vec![Seen::default(); directions.len()];
-    input.views.prefetch(&views);
+    input.views.prefetch(&WantedPhoto::full(&views));
     for &view in &views {
         let camera = input.views.camera(view);
         let photo = input.views.target(view)?;

@@ -7,6 +7,7 @@ use super::points::{LocalPoint, quantile};
 use super::random::{Purpose, Stream};
 use crate::Result;
 use crate::camera::Camera;
+use crate::views::WantedPhoto;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
@@ -86,7 +87,7 @@ pub(super) fn swept(
         return Ok(Vec::new());
     }
     let cameras: Vec<Camera> = views.iter().map(|&view| input.views.camera(view)).collect();
-    input.views.prefetch(&views);
+    input.views.prefetch(&WantedPhoto::full(&views));
     let photo = |(&view, camera): (&usize, &Camera)| {
         Ok(ReducedPhoto::new(&*input.views.target(view)?, camera, SIDE_PX))
     };

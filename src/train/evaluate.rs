@@ -4,7 +4,7 @@ use super::events::Control;
 use crate::Result;
 use crate::backend::{Backend, RenderOptions, RenderedImage};
 use crate::eval::{Evaluation, ViewQuality, quality_of, uncovered_share};
-use crate::views::ViewSource;
+use crate::views::{ViewSource, WantedPhoto};
 use rayon::prelude::*;
 
 /// Views whose renders are held in memory at once.
@@ -34,7 +34,7 @@ pub fn evaluate(
 ) -> Result<Evaluated> {
     let mut per_view: Vec<ViewQuality> = Vec::new();
     for batch in indices.chunks(EVAL_BATCH) {
-        views.prefetch(batch);
+        views.prefetch(&WantedPhoto::full(batch));
         let mut images = Vec::new();
         for &view in batch {
             let image = backend.render(&views.camera(view), options)?;

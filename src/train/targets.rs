@@ -3,8 +3,7 @@
 use crate::Result;
 use crate::camera::{Camera, Pinhole};
 use crate::image::TargetImage;
-use crate::views::ViewSource;
-use rayon::prelude::*;
+use crate::views::{ViewSource, WantedPhoto};
 use std::sync::Arc;
 
 /// Memory for reduced photos, unless the user allows less for photos.
@@ -55,25 +54,19 @@ impl Targets {
         Camera { pinhole: reduced(&camera.pinhole, self.scale), ..camera }
     }
 
-    /// Reduces those photos of these views that are not kept yet, on all cores, as far as there is room for them. Those that
-    /// cannot be read are left for [`Self::get`] to report.
-    pub fn prepare(&mut self, views: &dyn ViewSource, wanted: &[usize]) {
-        let mut missing: Vec<usize> =
-            wanted.iter().copied().filter(|&view| self.scale > 1.0 && self.kept[view].is_none()).collect();
-        missing.sort_unstable();
-        missing.dedup();
-        let mut room = self.most_bytes(views).saturating_sub(self.kept_bytes);
-        missing.retain(|&view| {
-            let bytes = self.bytes_at_most(views, view);
-            let fits = bytes <= room;
-            room -= if fits { bytes } else { 0 };
-            fits
-        });
-        if missing.len() > 1 {
-            let reduce = |&view: &usize| Some((view, self.reduced(views, view).ok()?));
-            let images: Vec<_> = missing.par_iter().filter_map(reduce).collect();
-            images.into_iter().for_each(|(view, image)| self.keep(views, view, &image));
+    /// The photos of these views at a scale, in the order of their use, without those that are kept: what is to be made ahead.
+    pub fn wanted(&self, views: &dyn ViewSource, drawn: &[usize], scale: f64) -> Vec<WantedPhoto> {
+        let is_kept = |view: usize| scale == self.scale && self.kept[view].is_some();
+        let mut announced = vec![false; self.kept.len()];
+        let mut wanted = Vec::new();
+        for &view in drawn {
+            if !is_kept(view) && !std::mem::replace(&mut announced[view], true) {
+                let pinhole = reduced(&views.camera(view).pinhole, scale);
+                let reduced_px = (scale > 1.0).then_some((pinhole.width_px, pinhole.height_px));
+                wanted.push(WantedPhoto { view, reduced_px });
+            }
         }
+        wanted
     }
 
     /// The photo of a view at the stage's size.
@@ -87,14 +80,10 @@ impl Targets {
         if let Some(image) = &self.kept[view] {
             return Ok(Arc::clone(image));
         }
-        let image = self.reduced(views, view)?;
+        let pinhole = self.camera(views, view).pinhole;
+        let image = views.reduced_target(view, (pinhole.width_px, pinhole.height_px))?;
         self.keep(views, view, &image);
         Ok(image)
-    }
-
-    fn reduced(&self, views: &dyn ViewSource, view: usize) -> Result<Arc<TargetImage>> {
-        let pinhole = self.camera(views, view).pinhole;
-        Ok(Arc::new(views.target(view)?.reduced(pinhole.width_px, pinhole.height_px)))
     }
 
     fn keep(&mut self, views: &dyn ViewSource, view: usize, image: &Arc<TargetImage>) {
@@ -112,11 +101,6 @@ impl Targets {
 
     fn most_bytes(&self, views: &dyn ViewSource) -> u64 {
         KEPT_BYTES.min(views.cache_limit_bytes())
-    }
-
-    /// Whether the full photo will be read for a view.
-    pub fn needs_full(&self, view: usize) -> bool {
-        self.scale <= 1.0 || self.kept[view].is_none()
     }
 }
 

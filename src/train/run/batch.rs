@@ -8,7 +8,7 @@ use crate::Result;
 use crate::backend::{StepRequest, TargetImage};
 use std::sync::Arc;
 
-/// Views decoded ahead; more if a batch is longer.
+/// Photos made ahead; more if a batch is longer.
 const PREFETCH_VIEWS: usize = 4;
 
 /// A step of the next batch, with its photo.
@@ -45,10 +45,10 @@ impl Trainer<'_> {
         let views: Vec<usize> = order.by_ref().take(len).collect();
         // All photos of the next batch will be needed as soon as this one is done.
         let left = (self.schedule.last_step - self.state.step) as usize - len;
-        let next = order.take(wanted.max(PREFETCH_VIEWS).min(left));
-        let requested = views.iter().copied().chain(next).filter(|&view| self.targets.needs_full(view));
-        self.views.prefetch(&requested.collect::<Vec<_>>());
-        self.targets.prepare(self.views, &views);
+        let next: Vec<usize> = order.take(wanted.max(PREFETCH_VIEWS).min(left)).collect();
+        let mut wanted = self.targets.wanted(self.views, &views, self.stage.render_scale);
+        wanted.extend(self.targets.wanted(self.views, &next, self.next_scale(first + len as u32 - 1)));
+        self.views.prefetch(&wanted);
         let mut counted = self.state.window_views.clone();
 
         let mut batch = Vec::with_capacity(len);
@@ -65,6 +65,11 @@ impl Trainer<'_> {
             }
         }
         Ok(batch)
+    }
+
+    /// Render scale after a step, unless density control changes the length of the run.
+    fn next_scale(&self, step: u32) -> f64 {
+        if self.schedule.is_density_step(step) { self.stage_at(step) } else { self.stage }.render_scale
     }
 
     pub(super) fn request<'t>(&self, planned: &'t PlannedStep) -> StepRequest<'t> {

@@ -377,7 +377,7 @@ impl Trainer<'_> {
         self.state.stage_step = step;
     }
 
-    fn stage_at(&self, step: u32) -> Stage {
+    pub(super) fn stage_at(&self, step: u32) -> Stage {
         let smaller_side_px = smaller_side_px(&self.cameras);
         let at = (step, self.state.device.least_scale);
         Stage::at(self.config, &self.schedule, &self.frequency, smaller_side_px, at)
