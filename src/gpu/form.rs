@@ -21,7 +21,7 @@ use crate::Result;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct GpuOptions {
     /// Steps per submission and preferred number per call, at most 16. `None`: as many as the device completes in less than a
-    /// second, at most 16 per submission and 64 per call.
+    /// second, at most 64 per call, 16 per submission, and half of a call.
     pub batch_steps: Option<usize>,
     /// Whether to count pixel-splat pairs.
     pub count_pairs: bool,

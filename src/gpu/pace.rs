@@ -29,9 +29,16 @@ impl Pace {
         self.steps
     }
 
-    /// Steps of the next submission.
+    /// Steps of the next submission: as long as it may be.
     pub(super) fn steps(self) -> usize {
         self.steps.min(BATCH)
+    }
+
+    /// Steps of the next submission of a call of `call_steps` steps: half of a short one, so that the device has work while the
+    /// host encodes the other half.
+    pub(super) fn submission_steps(self, call_steps: usize) -> usize {
+        let half = if self.adapts { call_steps.div_ceil(2).max(1) } else { usize::MAX };
+        self.steps().min(half)
     }
 
     /// Adapts to the duration of a submission of `steps` steps.
@@ -73,6 +80,16 @@ mod tests {
         // Submissions are extrapolated: 16 of 64 steps in 0.2 s mean 0.8 s for all.
         pace.learn(BATCH, 0.2);
         assert_eq!((pace.call_steps(), pace.steps()), (32, BATCH));
+    }
+
+    #[test]
+    fn short_calls_are_two_submissions() {
+        let mut pace = Pace::new(None);
+        assert_eq!(pace.submission_steps(1), 1);
+        (0..6).for_each(|_| pace.learn(pace.steps(), 0.01));
+        assert_eq!(pace.call_steps(), MOST_STEPS);
+        assert_eq!([0, 1, 2, 7, 16, 36, 64].map(|call| pace.submission_steps(call)), [1, 1, 1, 4, 8, 16, 16]);
+        assert_eq!(Pace::new(Some(3)).submission_steps(4), 3);
     }
 
     #[test]

@@ -28,7 +28,10 @@ impl GpuBackend {
                 let under_way: usize = self.in_flight.iter().map(|flight| flight.requests).sum();
                 match &requests[reports.len() + under_way..] {
                     [] => break,
-                    rest => sent = self.send(task, rest),
+                    rest => {
+                        let most = self.pace.submission_steps(requests.len());
+                        sent = self.send(task, &rest[..rest.len().min(most)]);
+                    }
                 }
             }
             let outcome = match sent {
@@ -51,14 +54,13 @@ impl GpuBackend {
         if self.timer.is_some() { 1 } else { MOST_IN_FLIGHT }
     }
 
-    /// Submits the first of these requests. The statuses of the submission before need not have been read: if one of its
-    /// steps is not applied, neither is any of these.
+    /// Submits these requests, or the first of them where not all of their photos fit. The statuses of the submission before need
+    /// not have been read: if one of its steps is not applied, neither is any of these.
     fn send(&mut self, task: Task, requests: &[StepRequest<'_>]) -> Result<()> {
         let began = Instant::now();
-        let some = &requests[..requests.len().min(self.pace.steps())];
-        let photos: Vec<_> = some.iter().map(|r| (r.photo, r.target)).collect();
+        let photos: Vec<_> = requests.iter().map(|r| (r.photo, r.target)).collect();
         let fitting = self.photos.prepare(&self.device, &mut self.resources, &photos)?;
-        let (batch, photos) = (&some[..fitting], &photos[..fitting]);
+        let (batch, photos) = (&requests[..fitting], &photos[..fitting]);
         let statistics = batch.iter().any(|r| r.accumulate_statistics);
         let needs = RequiredCapacity {
             geometry: batch.iter().any(|r| r.loss.needs_geometry()),
