@@ -31,7 +31,7 @@ impl Backend for GpuBackend {
     }
 
     fn upload(&mut self, model: &Model, adam: &AdamState) -> Result<()> {
-        model_buffers::upload(&self.device, &mut self.resources, model, adam)?;
+        model_buffers::upload(&self.device, &mut self.resources, &self.shape, model, adam)?;
         self.adopt(model.clone(), adam.clone());
         self.device.check()
     }

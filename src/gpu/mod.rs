@@ -50,6 +50,8 @@ mod tile_list_tests;
 mod tile_list_twin;
 mod timing;
 mod uniform;
+#[cfg(test)]
+mod upload_tests;
 mod view_buffers;
 #[cfg(test)]
 mod visible_tests;

@@ -107,18 +107,24 @@ pub(super) fn filled<T: bytemuck::Pod>(device: &GpuDevice, what: &str, values: &
 /// Buffers to be set together.
 pub(super) type NewBuffers = Vec<(Buf, wgpu::Buffer)>;
 
-/// Uploads model and optimiser state, completely or not at all.
+/// Uploads model and optimiser state, completely or not at all; `before` is the shape of the model on the device. If the new one has as
+/// many splats, parameters and texels, the buffers stay.
 ///
 /// # Errors
 /// [`crate::Error::Device`] with the sizes if they do not fit.
 pub(super) fn upload(
     device: &GpuDevice,
     resources: &mut Resources,
+    before: &Model,
     model: &Model,
     adam: &AdamState,
 ) -> Result<()> {
     check_floats(&model.splats)?;
     device.count(|work| &work.uploads);
+    let sizes = |model: &Model| (model.num_splats(), num_splat_floats(&model.splats), model.num_texels());
+    if resources.has(Buf::SplatP) && sizes(before) == sizes(model) {
+        return replace(device, resources, model, adam);
+    }
     let mut made = derived(device, model.num_splats(), model.num_texels())?;
     let splats = [(Buf::SplatP, &model.splats), (Buf::SplatM, &adam.splats_m), (Buf::SplatV, &adam.splats_v)];
     for (name, arrays) in splats {
@@ -134,6 +140,30 @@ pub(super) fn upload(
     made.into_iter().for_each(|(name, buffer)| resources.set(name, buffer));
     Ok(())
 }
+
+/// Uploads a model and the optimiser's state into the buffers of one of the same sizes.
+fn replace(device: &GpuDevice, resources: &Resources, model: &Model, adam: &AdamState) -> Result<()> {
+    let splats = [&model.splats, &adam.splats_m, &adam.splats_v].map(interleaved);
+    let texels = [&model.textures.texels, &adam.texels_m, &adam.texels_v];
+    let infos = splat_infos(model, |i| adam.last_step[i]);
+    let floats = splats.iter().chain(texels).map(|values| bytemuck::cast_slice(values));
+    let bytes = floats.chain([bytemuck::cast_slice(&infos)]);
+    device.write_all(STATE.iter().map(|&name| resources.buffer(name)).zip(bytes))?;
+    DERIVED.iter().for_each(|&name| device.clear(resources.buffer(name)));
+    Ok(())
+}
+
+/// The buffers of [`derived`].
+const DERIVED: [Buf; 8] = [
+    Buf::TexelGrad,
+    Buf::TexelValues,
+    Buf::Statistics,
+    Buf::Projected,
+    Buf::Bounds,
+    Buf::Visible,
+    Buf::SplatTotals,
+    Buf::SplatSums,
+];
 
 /// The other buffers whose size depends on the numbers of splats and texels, all zero.
 ///

@@ -19,21 +19,51 @@ impl GpuDevice {
             return Ok(());
         }
         for (piece, at_bytes) in bytes.chunks(PIECE_BYTES).zip((at_bytes..).step_by(PIECE_BYTES)) {
-            let staging = self.allocate(&wgpu::BufferDescriptor {
-                label: Some("memory for writing"),
-                size: piece.len() as u64,
-                usage: wgpu::BufferUsages::MAP_WRITE | wgpu::BufferUsages::COPY_SRC,
-                mapped_at_creation: true,
-            })?;
-            let mut mapped = staging.get_mapped_range_mut(..).map_err(|e| self.error(&e.to_string()))?;
-            mapped.copy_from_slice(piece);
-            drop(mapped);
-            staging.unmap();
+            let staging = self.filled_staging(piece)?;
             let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
             encoder.copy_buffer_to_buffer(&staging, 0, buffer, at_bytes, piece.len() as u64);
             self.submit(encoder);
         }
         Ok(())
+    }
+
+    /// Writes multiples of four bytes to the beginning of buffers: to all, or to none if memory fails.
+    ///
+    /// # Errors
+    /// [`crate::Error::DeviceFull`] if memory fails.
+    pub(super) fn write_all<'a>(
+        &self,
+        writes: impl Iterator<Item = (&'a wgpu::Buffer, &'a [u8])>,
+    ) -> Result<()> {
+        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        for (buffer, bytes) in writes {
+            for (piece, at_bytes) in bytes.chunks(PIECE_BYTES).zip((0..).step_by(PIECE_BYTES)) {
+                encoder.copy_buffer_to_buffer(
+                    &self.filled_staging(piece)?,
+                    0,
+                    buffer,
+                    at_bytes,
+                    piece.len() as u64,
+                );
+            }
+        }
+        self.submit(encoder);
+        Ok(())
+    }
+
+    /// A buffer to copy from that holds `bytes`.
+    fn filled_staging(&self, bytes: &[u8]) -> Result<wgpu::Buffer> {
+        let staging = self.allocate(&wgpu::BufferDescriptor {
+            label: Some("memory for writing"),
+            size: bytes.len() as u64,
+            usage: wgpu::BufferUsages::MAP_WRITE | wgpu::BufferUsages::COPY_SRC,
+            mapped_at_creation: true,
+        })?;
+        let mut mapped = staging.get_mapped_range_mut(..).map_err(|e| self.error(&e.to_string()))?;
+        mapped.copy_from_slice(bytes);
+        drop(mapped);
+        staging.unmap();
+        Ok(staging)
     }
 
     /// Sets a buffer to zeros.
