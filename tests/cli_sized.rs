@@ -59,6 +59,18 @@ fn a_run_of_a_wanted_size_ends_with_that_file() {
 }
 
 #[test]
+fn splats_without_textures_have_files_of_a_wanted_size_too() {
+    let place = Place::new();
+    let [capture, run] = ["capture", "run"].map(|name| place.path(name));
+    good(&Place::training(&capture, &run, &["--max-size", "12kB", "--policy", "plain"]));
+    let bytes = fs::metadata(place.path("run/scene.ltgs")).unwrap().len();
+    assert!((11_400..=12_000).contains(&bytes), "{bytes}");
+    let psnr = place.psnr("run/scene.ltgs");
+    assert!(psnr > 80.0, "{psnr}");
+    assert_eq!(json(&["inspect", &run])["checkpoint"]["model"]["texels"].as_u64(), Some(0));
+}
+
+#[test]
 fn a_size_that_is_too_small_is_refused_and_leaves_no_folder() {
     let place = Place::new();
     let [capture, run] = ["capture", "run"].map(|name| place.path(name));

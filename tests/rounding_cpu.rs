@@ -3,86 +3,24 @@
 
 mod common;
 
+use common::sized::{self, MAX_BYTES, asset, differing, rounder};
 use common::training::{MemoryViews, config, damaged, photos, scene};
 use litetex_exporters::ltgs::{LtgsOptions, encode};
-use litetex_exporters::{AssetCamera, Provenance, Quality, SplatAsset};
-use litetex_gs::Report;
-use litetex_gs::Result;
-use litetex_gs::backend::Backend;
-use litetex_gs::bake::{asset_camera, bake};
+use litetex_exporters::{Quality, SplatAsset};
 use litetex_gs::cpu::CpuBackend;
 use litetex_gs::model::Model;
 use litetex_gs::rounding::Rounder;
-use litetex_gs::train::{
-    Control, MOST_STEPS, StepCosts, Timing, TrainConfig, TrainEvent, TrainState, train_by,
-};
+use litetex_gs::train::{TrainConfig, TrainState};
 use litetex_gs::verify::FileRounder;
-use litetex_gs::views::ViewSource as _;
 
-/// Less than with the finest steps, which take 11,371 bytes.
-const MAX_BYTES: u64 = 10_000;
-
-fn cameras(views: &MemoryViews) -> Vec<AssetCamera> {
-    (0..views.num_views()).map(|v| asset_camera(&format!("{v}.png"), v == 0, &views.camera(v))).collect()
-}
-
-fn statistics() -> Result<Box<dyn Backend>> {
-    Ok(Box::new(CpuBackend::new(Some(2))?))
-}
-
-fn rounder(views: &MemoryViews, max_bytes: u64) -> Result<FileRounder<'static>> {
-    let frame = SplatAsset { cameras: cameras(views), ..SplatAsset::default() };
-    FileRounder::new(frame, max_bytes, &statistics, &|| true)
-}
-
-/// Trains, with rounding or without, and returns the final state and every checkpoint.
+/// Trains on the CPU, with rounding or without, and returns the final state and every checkpoint.
 fn run(config: &TrainConfig, views: &MemoryViews, start: TrainState) -> (TrainState, Vec<TrainState>) {
-    let mut saved = Vec::new();
-    let mut sink = |event: TrainEvent<'_>| {
-        if let TrainEvent::Checkpoint { state, .. } = event {
-            saved.push(state.clone());
-        }
-        Ok(Control::Continue)
-    };
-    let timing = Timing {
-        now: &|| 0.0,
-        deadline_secs: None,
-        most_steps: MOST_STEPS,
-        costs: StepCosts::CPU,
-        end_secs: 0.0,
-    };
-    let mut rounder = config.max_bytes.map(|most| rounder(views, most).unwrap());
-    let rounder = rounder.as_mut().map(|rounder| rounder as &mut dyn Rounder);
-    let mut backend = CpuBackend::new(Some(2)).unwrap();
-    let (state, _) = train_by(&timing, config, &mut backend, rounder, views, start, &mut sink).unwrap();
-    (state, saved)
+    sized::run(&mut CpuBackend::new(Some(2)).unwrap(), config, views, start)
 }
 
 /// A run of 200 steps whose last part is rounded.
 fn sized() -> TrainConfig {
     TrainConfig { max_bytes: Some(MAX_BYTES), ..config(200) }
-}
-
-fn asset(model: &Model, views: &MemoryViews) -> SplatAsset {
-    bake(model, cameras(views), [0.0; 3], Provenance::default(), &mut Report::default())
-}
-
-/// Numbers of each kind that differ by more than the rounding of activations. Needed: 1e-6, but 6.4e-5 for SH, of one splat, which was
-/// not explained.
-fn differing(a: &Model, b: &Model) -> [usize; 6] {
-    let count = |a: &[f32], b: &[f32], tolerance: f32| {
-        let differ = |(a, b): (&f32, &f32)| (a - b).abs() > tolerance * a.abs().max(0.1);
-        a.iter().zip(b).filter(|&pair| differ(pair)).count()
-    };
-    let [a_splats, b_splats] = [&a.splats, &b.splats];
-    [
-        count(&a_splats.positions, &b_splats.positions, 1e-5),
-        count(&a_splats.quaternions, &b_splats.quaternions, 1e-5),
-        count(&a_splats.log_scales, &b_splats.log_scales, 1e-5),
-        count(&a_splats.opacity_logits, &b_splats.opacity_logits, 1e-5),
-        count(&a_splats.sh, &b_splats.sh, 1e-3),
-        count(&a.textures.texels, &b.textures.texels, 1e-5),
-    ]
 }
 
 #[test]
@@ -162,4 +100,29 @@ fn sizes_that_no_file_has_are_refused_with_the_smallest() {
     let least = error.split("smallest file has ").nth(1).and_then(|rest| rest.split(' ').next());
     let least: u64 = least.unwrap().parse().unwrap();
     assert!(rounder(&views, least).is_ok() && rounder(&views, least - 1).is_err());
+}
+
+#[test]
+fn cameras_and_metadata_take_little_of_a_small_file() {
+    let views = photos(&scene());
+    let turned = |i: usize| {
+        let mut camera = views.0[i % 6].0;
+        let angle = 0.7 * i as f64;
+        camera.camera_from_local.rotation *= glam::DMat3::from_rotation_y(0.3 * angle.sin());
+        camera.camera_from_local.translation +=
+            glam::DVec3::new(angle.cos(), 0.1 * angle.sin(), 0.3 * angle.cos());
+        litetex_gs::bake::asset_camera(&format!("IMG_{:04}.jpg", 1234 + 7 * i), i % 8 == 0, &camera)
+    };
+    let bytes = |count: usize| {
+        let frame = SplatAsset { cameras: (0..count).map(turned).collect(), ..SplatAsset::default() };
+        let error = FileRounder::new(frame, 100, &sized::statistics, &|| true).err().unwrap().to_string();
+        let words: Vec<&str> = error.split(' ').collect();
+        let at = words.windows(3).position(|three| three == ["of", "them", "for"]).unwrap();
+        words[at - 1].parse::<u64>().unwrap()
+    };
+    let [none, thirty] = [0, 30].map(bytes);
+    println!("{none} bytes, {thirty} with 30 cameras");
+    assert!(thirty <= 1_200, "{thirty}");
+    // Negative control: more than the names of 30 photos, and what is the same for all files, is stored.
+    assert!(thirty > none + 300, "{none} {thirty}");
 }

@@ -5,12 +5,16 @@
 mod common;
 
 use common::gpu::{drivers, open};
+use common::sized::{MAX_BYTES, differing, rounder, run};
+use common::training::{config, damaged, photos, scene};
 use litetex_exporters::Quality;
 use litetex_gs::backend::Backend;
 use litetex_gs::bake::{asset_camera, bake};
 use litetex_gs::cpu::CpuBackend;
 use litetex_gs::gpu::{GpuOptions, LimitChoice};
+use litetex_gs::rounding::Rounder as _;
 use litetex_gs::selftest::{SceneOptions, random_scene};
+use litetex_gs::train::{TrainConfig, TrainState};
 use litetex_gs::verify::{Backends, BakedScene, RateGoal, Rounding, find_rounding};
 use litetex_gs::{Report, Result};
 
@@ -54,4 +58,28 @@ fn files_are_rounded_alike_on_cpu_and_gpu() {
     }
     // Negative control: another scene has other exponents.
     assert!(others(&rounding(&baked(30), &cpu)) > 10);
+}
+
+#[test]
+fn a_run_of_a_wanted_size_ends_rounded_on_a_gpu_too() {
+    let scene = scene();
+    let views = photos(&scene);
+    let Some(choice) = drivers().into_iter().next() else { return };
+    let train = |start: TrainState| {
+        let config = TrainConfig { max_bytes: Some(MAX_BYTES), eval_every: 0, ..config(150) };
+        run(&mut open(&choice, LimitChoice::Downlevel, GpuOptions::default()), &config, &views, start)
+    };
+    let (state, saved) = train(TrainState::fresh(damaged(&scene)));
+    let rounded = state.rounded.as_ref().unwrap();
+    assert_eq!((rounded.step, rounded.is_last), (150, true));
+    let again = rounder(&views, MAX_BYTES).unwrap().round(&state.model, &rounded.steps, true).unwrap();
+    assert_eq!(differing(&state.model, &again), [0; 6], "a rounded model is rounded to itself");
+    // Negative control: before the last rounding, the numbers were others.
+    let mut exact = state.model.clone();
+    rounded.offsets.apply(&mut exact, -1.0);
+    let changed = differing(&state.model, &exact);
+    assert!(changed.iter().all(|&count| count > 100), "{changed:?}");
+    // From within the last phase, the same bytes.
+    let start = saved.iter().find(|s| s.rounded.is_some() && s.step < 150).unwrap();
+    assert!(train(start.clone()).0.model == state.model);
 }

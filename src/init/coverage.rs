@@ -1,5 +1,5 @@
-//! Sizes and opacities of initial splats: half the spacing and opaque, but for those without which rays of the training views
-//! would be covered less (method 5.5).
+//! Sizes and opacities of initial splats: half the spacing and opaque, except those that rays of the training views need at
+//! full size (method 5.5).
 
 use super::cells::{coarse, visit_cells};
 use super::input::InitInput;
@@ -26,7 +26,7 @@ const RAYS_PER_SIDE: u32 = 48;
 const SEEN_SIGMA: f64 = 3.0;
 const COVERED_SIGMA: f64 = 2.0;
 
-/// Makes splats that were sized by spacing smaller and more opaque, but for those without which a ray would be covered less.
+/// Makes splats that were sized by spacing smaller and more opaque, except those that a ray needs at full size.
 pub(super) fn size_by_coverage(points: &mut [LocalPoint], input: &InitInput<'_>) {
     let none = || vec![false; points.len()];
     let or = |mut a: Vec<bool>, b: Vec<bool>| {

@@ -146,17 +146,28 @@ mod tests {
 
     #[test]
     fn published_profiles_have_nothing_that_is_ours() {
-        let density = |profile: Profile| {
+        let config = |profile: Profile| {
             let mut config = TrainConfig::default();
             profile.apply(&mut config);
-            config.density
+            config
         };
+        let density = |profile: Profile| config(profile).density;
         for profile in [Profile::Paper, Profile::Authors, Profile::Cat] {
             let density = density(profile);
             let ours =
                 [density.sh_below, density.sh_raise, density.grow_by_axis, density.prune_db, density.need_db];
             assert_eq!(ours, [0.0; 5]);
+            let TrainConfig { start, sweep, backdrop, filter, rates, .. } = config(profile);
+            assert_eq!(
+                (start, sweep, backdrop, filter),
+                (Start::Spacing, false, Backdrop::None, Filter::None)
+            );
+            assert_eq!(rates, RateConfig::published());
         }
+        // Negative control: the default has all of them.
+        let TrainConfig { start, sweep, backdrop, filter, rates, .. } = config(Profile::Default);
+        assert!(start != Start::Spacing && sweep && backdrop != Backdrop::None && filter != Filter::None);
+        assert!(rates != RateConfig::published());
         assert_eq!(density(Profile::Default), DensityConfig::default());
     }
 }
