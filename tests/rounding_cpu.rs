@@ -111,7 +111,7 @@ fn cameras_and_metadata_take_little_of_a_small_file() {
         camera.camera_from_local.rotation *= glam::DMat3::from_rotation_y(0.3 * angle.sin());
         camera.camera_from_local.translation +=
             glam::DVec3::new(angle.cos(), 0.1 * angle.sin(), 0.3 * angle.cos());
-        litetex_gs::bake::asset_camera(&format!("IMG_{:04}.jpg", 1234 + 7 * i), i % 8 == 0, &camera)
+        litetex_gs::bake::asset_camera(&format!("IMG_{:04}.jpg", 1234 + 7 * i), i.is_multiple_of(8), &camera)
     };
     let bytes = |count: usize| {
         let frame = SplatAsset { cameras: (0..count).map(turned).collect(), ..SplatAsset::default() };
