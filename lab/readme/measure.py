@@ -69,7 +69,9 @@ def score(binary, file, capture, folder):
     renders, targets = folder / f"{file.stem}-{file.suffix[1:]}", folder / "photos"
     run(binary, "-q", "render", file, "--capture", capture, "--test", "--size", "480", "-o", renders, "--force", "--device", "cpu")
     photos.write_like(capture / "images", renders, targets)
-    return json.loads(run(binary, "compare", renders, targets, "--json", "--device", "cpu"))
+    figures = json.loads(run(binary, "compare", renders, targets, "--json", "--device", "cpu"))
+    # Without the folders that were compared.
+    return {key: value for key, value in figures.items() if key not in ("a", "b")}
 
 
 def main():
@@ -85,9 +87,10 @@ def main():
                 for extension in formats:
                     file, readable = export(binary, folder / "run", extension, folder)
                     figures = score(binary, readable, captures / name, folder)
+                    scene = {key: summary[key] for key in KEPT}
+                    scene["capture"]["path"] = f"captures/{name}"
                     lines.append({"capture": name, "policy": policy, "budget_params": budget, "format": extension,
-                                  "bytes": file.stat().st_size, "figures": figures, "settings": SETTINGS,
-                                  "scene": {key: summary[key] for key in KEPT}})
+                                  "bytes": file.stat().st_size, "figures": figures, "settings": SETTINGS, "scene": scene})
     write("readme.jsonl", lines)
 
 

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Measures files of a wanted size beside others: lab/readme/sized.py BINARY CAPTURES WORK [--tiny]
+"""Measures files of a wanted size beside others: lab/readme/sized.py BINARY CAPTURES WORK
 
 CAPTURES holds the folders `fox`, `bonsai` and `flower`, WORK keeps runs and files, so that a second call continues. `train
 --max-size` makes a `.ltgs` file of each size, with textures and without; untextured scenes become SOG files of about these sizes, and
-textured ones `.ltgs` files of quality `tiny`. Each is compared with the held-out photos. Adds to lab/results/sized.jsonl, a line per
-file, and prints what share of the bytes of other files those of a wanted size take at equal gradient-PSNR. With `--tiny`, only files of
-that quality are made: of a program before these changes. Needs what measure.py needs.
+textured ones `.ltgs` files of quality `tiny`. Each is compared with the held-out photos. Writes lab/results/sized.jsonl, a line
+per file, and prints what shares of the bytes of other files those of a wanted size take at equal gradient-PSNR. Needs what measure.py
+needs.
 """
 import json
 import math
@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 
 from measure import BUDGETS, SETTINGS, export, score
-from shared import RESULTS, read, run, write
+from shared import run, write
 
 # Wanted bytes, and parameters whose SOG file has about as many.
 SIZES = {50_000: 35_500, 100_000: 84_000, 200_000: 178_000, 400_000: 370_000}
@@ -42,40 +42,39 @@ def line(binary, capture, kind, bound, folder):
             "train_cpu_secs": json.loads(summary.read_text())["time"]["train_cpu_secs"], "settings": SETTINGS}
 
 
-def share(lines, others):
-    """Median share of the bytes of others, interpolated, that files of equal gradient-PSNR take."""
+def shares(lines, others):
+    """Shares of the bytes of others, interpolated, that files of equal gradient-PSNR take, in ascending order."""
     curve = sorted((line["figures"]["grad_psnr"], math.log(line["bytes"])) for line in others)
-    shares = []
+    found = []
     for line in lines:
         quality = line["figures"]["grad_psnr"]
         for (low, before), (high, after) in zip(curve, curve[1:]):
             if low <= quality <= high:
-                shares.append(line["bytes"] / math.exp(before + (after - before) * (quality - low) / (high - low)))
-    return sorted(shares)
+                found.append(line["bytes"] / math.exp(before + (after - before) * (quality - low) / (high - low)))
+    return sorted(found)
 
 
 def main():
-    only_tiny = sys.argv[4:] == ["--tiny"]
-    if len(sys.argv) != 4 + only_tiny:
+    if len(sys.argv) != 4:
         sys.exit(__doc__)
-    binary, captures, work = (Path(argument).resolve() for argument in sys.argv[1:4])
-    program, kinds = ("before", ["tiny"]) if only_tiny else ("after", list(KINDS))
-    lines = read("sized.jsonl") if (RESULTS / "sized.jsonl").exists() else []
-    lines = [line for line in lines if line["program"] != program]
+    binary, captures, work = (Path(argument).resolve() for argument in sys.argv[1:])
+    lines = []
     for capture in CAPTURES:
-        for kind in kinds:
-            for bound in KINDS[kind][3]:
+        for kind, (_, _, _, bounds) in KINDS.items():
+            for bound in bounds:
                 folder = work / f"{capture}-{kind.replace(', ', '-')}-{bound}"
-                lines.append({"program": program, **line(binary, captures / capture, kind, bound, folder)})
+                lines.append(line(binary, captures / capture, kind, bound, folder))
                 print(capture, kind, lines[-1]["bytes"], lines[-1]["figures"], flush=True)
     write("sized.jsonl", lines)
-    of = lambda capture, kind, program="after": [
-        line for line in lines if (line["capture"], line["kind"], line["program"]) == (capture, kind, program)]
+
+    def of(capture, kind):
+        return [line for line in lines if (line["capture"], line["kind"]) == (capture, kind)]
+
     for capture in CAPTURES:
         for kind in ["sized", "sized, plain"]:
-            for other in [("tiny",), ("tiny", "before"), ("SOG",)]:
-                shares = " ".join(f"{value:.2f}" for value in share(of(capture, kind), of(capture, *other)))
-                print(f"{capture}, {kind}, of {' '.join(other)}: {shares or 'other quality'}")
+            for other in ["tiny", "SOG"]:
+                found = " ".join(f"{value:.2f}" for value in shares(of(capture, kind), of(capture, other)))
+                print(f"{capture}, {kind}, of {other}: {found or 'of other quality'}")
 
 
 if __name__ == "__main__":
