@@ -166,8 +166,8 @@ fn half(view: usize) -> WantedPhoto {
 fn photos_of_a_smaller_size_are_made_ahead_for_one_use() {
     let folder = tempfile::tempdir().unwrap();
     // All stay, and none: then two fit that wait, the full one while it is made.
-    for (budget_bytes, photos) in [(1 << 20, 4), (2 * BYTES, 4)] {
-        let store = store(folder.path(), photos, budget_bytes);
+    for budget_bytes in [1 << 20, 2 * BYTES] {
+        let store = store(folder.path(), 4, budget_bytes);
         let has = |view| store.shared.lock().has(half(view));
         let get = |view| store.get_reduced(view, (SIDE / 2, SIDE / 2)).unwrap();
         store.prefetch(&[half(2), half(0)]);

@@ -149,41 +149,33 @@ fn replace(device: &GpuDevice, resources: &Resources, model: &Model, adam: &Adam
     let floats = splats.iter().chain(texels).map(|values| bytemuck::cast_slice(values));
     let bytes = floats.chain([bytemuck::cast_slice(&infos)]);
     device.write_all(STATE.iter().map(|&name| resources.buffer(name)).zip(bytes))?;
-    DERIVED.iter().for_each(|&name| device.clear(resources.buffer(name)));
+    let derived = derived_sizes(model.num_splats(), model.num_texels());
+    derived.iter().for_each(|(name, ..)| device.clear(resources.buffer(*name)));
     Ok(())
 }
 
-/// The buffers of [`derived`].
-const DERIVED: [Buf; 8] = [
-    Buf::TexelGrad,
-    Buf::TexelValues,
-    Buf::Statistics,
-    Buf::Projected,
-    Buf::Bounds,
-    Buf::Visible,
-    Buf::SplatTotals,
-    Buf::SplatSums,
-];
+/// The other buffers whose size depends on the numbers of splats and texels: name, content, number and bytes of elements.
+fn derived_sizes(num_splats: usize, num_texels: usize) -> [(Buf, &'static str, u64, u64); 8] {
+    let (n, t) = (num_splats as u64, num_texels as u64);
+    [
+        (Buf::TexelGrad, "texel gradients", 3 * t, 4),
+        (Buf::TexelValues, "activated texels", t, 16),
+        (Buf::Statistics, "window statistics", n, 16),
+        (Buf::Projected, "projected splats", n, PROJECTED_BYTES),
+        (Buf::Bounds, "splat bounds", n, BOUNDS_BYTES),
+        (Buf::Visible, "visible splats", n + 1, 4),
+        (Buf::SplatTotals, "sums over the pairs of splats", n, 4 * u64::from(PAIR_SUMS_GEOMETRY)),
+        (Buf::SplatSums, "sums over splats", n.div_ceil(GROUP.into()), SPLAT_SUMS_BYTES),
+    ]
+}
 
-/// The other buffers whose size depends on the numbers of splats and texels, all zero.
+/// These buffers, all zero.
 ///
 /// # Errors
 /// As [`upload`].
 pub(super) fn derived(device: &GpuDevice, num_splats: usize, num_texels: usize) -> Result<NewBuffers> {
-    let (n, t) = (num_splats as u64, num_texels as u64);
-    Ok(vec![
-        (Buf::TexelGrad, device.buffer("texel gradients", 3 * t, 4)?),
-        (Buf::TexelValues, device.buffer("activated texels", t, 16)?),
-        (Buf::Statistics, device.buffer("window statistics", n, 16)?),
-        (Buf::Projected, device.buffer("projected splats", n, PROJECTED_BYTES)?),
-        (Buf::Bounds, device.buffer("splat bounds", n, BOUNDS_BYTES)?),
-        (Buf::Visible, device.buffer("visible splats", n + 1, 4)?),
-        (
-            Buf::SplatTotals,
-            device.buffer("sums over the pairs of splats", n, 4 * u64::from(PAIR_SUMS_GEOMETRY))?,
-        ),
-        (Buf::SplatSums, device.buffer("sums over splats", n.div_ceil(GROUP.into()), SPLAT_SUMS_BYTES)?),
-    ])
+    let made = |(name, what, count, bytes)| Ok((name, device.buffer(what, count, bytes)?));
+    derived_sizes(num_splats, num_texels).into_iter().map(made).collect()
 }
 
 /// Buffers of the model and the optimiser's state; all others follow from them.
