@@ -2,6 +2,7 @@
 //! unsupported input or a failing device. Each has an exit code.
 
 use crate::text;
+use std::fmt;
 use std::path::{Path, PathBuf};
 
 /// An [`Error::InvalidInput`] with a message as of [`format!`]: `invalid!(path, "{found}, expected {expected}")`.
@@ -60,14 +61,36 @@ pub enum Error {
     #[error("{}", text::message(.0))]
     Device(String),
     /// The device has no room for what was asked of it, and holds what it held before.
-    #[error("{}", text::message(.0))]
-    DeviceFull(String),
+    #[error("{}", text::message(&.0.to_string()))]
+    DeviceFull(NoRoom),
     /// A check ran and failed.
     #[error("{}", text::message(.0))]
     CheckFailed(String),
     /// Stopped by the user.
     #[error("interrupted")]
     Interrupted,
+}
+
+/// What a device has no room for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NoRoom {
+    /// What, in numbers where they are known.
+    pub what: String,
+    /// What a run that ends here may try. Warnings of one that goes on name their own remedy.
+    pub remedy: Option<&'static str>,
+}
+
+impl From<String> for NoRoom {
+    fn from(what: String) -> Self {
+        Self { what, remedy: None }
+    }
+}
+
+impl fmt::Display for NoRoom {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.what)?;
+        self.remedy.map_or(Ok(()), |remedy| write!(f, "; {remedy}"))
+    }
 }
 
 impl Error {
@@ -168,6 +191,13 @@ mod tests {
     use super::*;
     use std::error::Error as _;
     use std::io::ErrorKind;
+
+    #[test]
+    fn a_full_device_names_what_did_not_fit_and_what_to_do() {
+        let no_room = NoRoom { what: "gpu: 9 splats, at most 8".into(), remedy: Some("use fewer") };
+        assert_eq!(Error::DeviceFull(no_room).to_string(), "gpu: 9 splats, at most 8; use fewer");
+        assert_eq!(Error::DeviceFull(String::from("gpu: full").into()).to_string(), "gpu: full");
+    }
 
     #[test]
     fn causes_are_reported_once_with_a_remedy() {

@@ -37,7 +37,7 @@ pub mod train;
 pub mod verify;
 pub mod views;
 
-pub use error::{Error, Result};
+pub use error::{Error, NoRoom, Result};
 /// Files that appear whole or not at all.
 pub use litetex_exporters::atomic_file;
 pub use report::{Report, Warning};

@@ -18,7 +18,7 @@ use litetex_gs::train::{
     Control, DeviceBound, GROWTH_ENDED, Policy, SMALLER_IMAGES, Schedule, StopReason, TrainConfig,
     TrainEvent, TrainState, checkpoint, train,
 };
-use litetex_gs::{Error, Result};
+use litetex_gs::{Error, NoRoom, Result};
 use std::collections::BTreeMap;
 
 /// What may be refused by its number.
@@ -66,7 +66,7 @@ impl Small {
         match self.room.refused {
             Some((refused, [first, last])) if refused == call => {
                 self.calls += 1;
-                if (first..=last).contains(&self.calls) { no_room("reading; use less") } else { Ok(()) }
+                if (first..=last).contains(&self.calls) { no_room("reading") } else { Ok(()) }
             }
             _ => Ok(()),
         }
@@ -74,7 +74,7 @@ impl Small {
 }
 
 fn no_room<T>(what: &str) -> Result<T> {
-    Err(Error::DeviceFull(format!("small: {what}")))
+    Err(Error::DeviceFull(NoRoom { what: format!("small: {what}"), remedy: Some("use less") }))
 }
 
 impl Backend for Small {
@@ -203,7 +203,11 @@ fn run_with(
                 out.pairs = out.pairs.max(report.counters.tile_pairs);
             }
             TrainEvent::DensityControl { size, .. } => out.splats = out.splats.max(size.splats),
-            TrainEvent::Warning(warning) => out.warnings.push((warning.code, warning.message)),
+            TrainEvent::Warning(warning) => {
+                // It has a remedy of its own, for a run that goes on.
+                assert!(!warning.message.contains("use less"), "{}", warning.message);
+                out.warnings.push((warning.code, warning.message));
+            }
             TrainEvent::Checkpoint { state, .. } => out.saved.push(state.clone()),
             _ => {}
         }

@@ -5,7 +5,7 @@ use super::adapter::AdapterChoice;
 use super::kernels::{Binding, KERNELS, Kernel, KernelId, SORT_PASS_BINDING};
 use super::layout::{SortPass, StepUniform};
 use super::shader::expand;
-use crate::{Error, Result};
+use crate::{Error, NoRoom, Result};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -235,8 +235,8 @@ impl GpuDevice {
     }
 
     /// The error that the device has no room.
-    pub(super) fn full(&self, what: &str) -> Error {
-        Error::DeviceFull(format!("{}: {what}", self.choice.name))
+    pub(super) fn full(&self, what: &str, remedy: Option<&'static str>) -> Error {
+        Error::DeviceFull(NoRoom { what: format!("{}: {what}", self.choice.name), remedy })
     }
 
     /// A storage buffer of zeros for `count` elements of `element_bytes`.
@@ -248,12 +248,13 @@ impl GpuDevice {
         let bytes = (count.max(1) * element_bytes).next_multiple_of(16);
         let most = self.most_buffer_bytes();
         if bytes > most {
-            return Err(self.full(&format!(
-                "{what}: {count} x {element_bytes} bytes = {:.1} MiB, but buffers are limited to {:.1} MiB; use \
-                 fewer splats, smaller maps or smaller images, or the device \"cpu\"",
+            let needed = format!(
+                "{what}: {count} x {element_bytes} bytes = {:.1} MiB, but buffers are limited to {:.1} MiB",
                 mib(bytes),
                 mib(most)
-            )));
+            );
+            let remedy = "use fewer splats, smaller maps or smaller images, or the device \"cpu\"";
+            return Err(self.full(&needed, Some(remedy)));
         }
         self.allocate(&wgpu::BufferDescriptor {
             label: Some(what),
@@ -282,7 +283,7 @@ impl GpuDevice {
         match (invalid, memory) {
             (Some(error), _) => Err(self.error(&message(&error))),
             // A lost device has no memory either.
-            (None, Some(error)) => self.check_alive().and_then(|()| Err(self.full(&message(&error)))),
+            (None, Some(error)) => self.check_alive().and_then(|()| Err(self.full(&message(&error), None))),
             (None, None) => Ok(buffer),
         }
     }

@@ -379,7 +379,7 @@ mod tests {
         let allocate = |held_px: u64| {
             move |px: u64, keeps_photos: bool| match px + if keeps_photos { held_px } else { 0 } {
                 0..=100 => Ok(()),
-                _ => Err(Error::DeviceFull("full".into())),
+                _ => Err(Error::DeviceFull(String::from("full").into())),
             }
         };
         let mut filled = FilledPool::new(40);

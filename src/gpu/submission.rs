@@ -179,10 +179,9 @@ impl GpuBackend {
         let needed = u64::from(status.needed_pairs);
         let most = self.most_pairs();
         if needs.training && needed > most {
-            return Err(self.device.full(&format!(
-                "a step needs {needed} tile-splat pairs, at most {most} fit: use fewer splats, smaller images, or the \
-                 device \"cpu\""
-            )));
+            let needed = format!("a step needs {needed} tile-splat pairs, at most {most} fit");
+            let remedy = "use fewer splats, smaller images, or the device \"cpu\"";
+            return Err(self.device.full(&needed, Some(remedy)));
         }
         let grown = |pairs| RequiredCapacity { pairs, ..*needs };
         let ample = (needed * 3 / 2).min(most).max(needed);

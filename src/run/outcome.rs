@@ -291,7 +291,7 @@ mod tests {
             self.0.limits(shape)
         }
         fn upload(&mut self, _: &Model, _: &AdamState) -> Result<()> {
-            Err(Error::DeviceFull("full".into()))
+            Err(Error::DeviceFull(String::from("full").into()))
         }
         fn save(&mut self) -> Result<SavedState> {
             self.0.save()

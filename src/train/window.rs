@@ -82,7 +82,7 @@ impl DensityControl<'_> {
             }
             Err(Error::DeviceFull(no_room)) => {
                 state.device.end_growth(now, state.step);
-                (Revised { counts: DensityCounts::default(), size: now, no_room: Some(no_room) }, None)
+                (Revised { counts: DensityCounts::default(), size: now, no_room: Some(no_room.what) }, None)
             }
             Err(error) => return Err(error),
         };
@@ -132,10 +132,10 @@ impl DensityControl<'_> {
                     state.histories = revision.histories;
                     return Ok(Revised { counts: revision.counts, size, no_room });
                 }
-                Err(Error::DeviceFull(what)) => {
+                Err(Error::DeviceFull(full)) => {
                     state.pace = pace;
                     state.device.end_growth(now, state.step);
-                    if no_room.replace(what).is_some() {
+                    if no_room.replace(full.what).is_some() {
                         return Ok(Revised { counts: DensityCounts::default(), size: now, no_room });
                     }
                 }

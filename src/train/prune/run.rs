@@ -47,7 +47,7 @@ impl Round {
             Ok(_) => *histories = after,
             Err(Error::DeviceFull(_)) => backend.restore(&before).map_err(|error| match error {
                 // The state is lost.
-                Error::DeviceFull(what) => Error::Device(what),
+                Error::DeviceFull(no_room) => Error::Device(no_room.to_string()),
                 other => other,
             })?,
             // Only the first error is reported.

@@ -349,8 +349,8 @@ impl Trainer<'_> {
         round.max_bytes = self.rounder.as_ref().map(|rounder| rounder.splat_bytes());
         let pruned = match round.run(self.backend, &mut training, &mut self.state.histories) {
             // Rounds to come make up for it; a run that ends above its budget says so.
-            Err(Error::DeviceFull(what)) => {
-                self.not_pruned(&what);
+            Err(Error::DeviceFull(no_room)) => {
+                self.not_pruned(&no_room.what);
                 None
             }
             outcome => outcome?,

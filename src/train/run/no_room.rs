@@ -31,9 +31,9 @@ impl Trainer<'_> {
                     batch.truncate(reports.len());
                     return Ok((batch, reports));
                 }
-                Err(Error::DeviceFull(what)) if self.can_reduce_images() => {
+                Err(Error::DeviceFull(no_room)) if self.can_reduce_images() => {
                     before.get_or_insert_with(|| (self.state.device, self.state.view_losses.clone()));
-                    self.reduce_images(&what);
+                    self.reduce_images(&no_room.what);
                 }
                 outcome => {
                     if let (Err(Error::DeviceFull(_)), Some((device, losses))) = (&outcome, before) {
@@ -72,7 +72,7 @@ impl Trainer<'_> {
                     "step {}: the device has no room for a step ({}): from here on the model does not grow, and images are smaller \
                      where steps do not fit; lower --max-resolution or --budget-params, or use another --device",
                     step + 1,
-                    fact(what)
+                    what
                 ),
             );
         }
@@ -96,7 +96,7 @@ impl Trainer<'_> {
         };
         let message = format!(
             "step {step}: the device has no room for a larger model ({}): {stays}; {remedy} or a lower --max-resolution may hold more",
-            fact(what)
+            what
         );
         self.add_warning(GROWTH_ENDED, message);
     }
@@ -118,8 +118,7 @@ impl Trainer<'_> {
         };
         let message = format!(
             "step {}: the device has no room for a round of pruning ({}): it was left out; {remedy}, or use another --device",
-            self.state.step,
-            fact(what)
+            self.state.step, what
         );
         self.add_warning(NOT_PRUNED, message);
     }
@@ -135,25 +134,5 @@ impl Trainer<'_> {
             control = control.max(sink(TrainEvent::Warning(warning))?);
         }
         Ok(control)
-    }
-}
-
-/// What a device reports, without its own remedy: that is for a run that ends, and the warning has a better one.
-pub fn fact(what: &str) -> &str {
-    let remedies = [": use ", "; use "].iter().filter_map(|mark| what.find(mark));
-    remedies.min().map_or(what, |at| &what[..at])
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_warning_has_no_second_remedy() {
-        let buffer = "gpu: texels: 9 x 4 bytes = 0.0 MiB, but buffers are limited to 0.0 MiB";
-        assert_eq!(fact(&format!("{buffer}; use fewer splats, or the device \"cpu\"")), buffer);
-        let pairs = "gpu: a step needs 9 tile-splat pairs, at most 8 fit";
-        assert_eq!(fact(&format!("{pairs}: use fewer splats; use smaller images")), pairs);
-        assert_eq!(fact(pairs), pairs);
     }
 }

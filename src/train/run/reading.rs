@@ -3,7 +3,6 @@
 use super::super::evaluate::{Evaluated, evaluate};
 use super::super::events::{Control, Sink, TrainEvent};
 use super::super::state::CurvePoint;
-use super::no_room::fact;
 use super::trainer::{Clock, Trainer};
 use crate::backend::{RenderOptions, RenderedImage};
 use crate::eval::Evaluation;
@@ -57,10 +56,10 @@ impl Trainer<'_> {
                     .to_owned()
             }
             // Steps on smaller images go on.
-            Err(Error::DeviceFull(what)) => format!(
+            Err(Error::DeviceFull(no_room)) => format!(
                 "step {step}: the device has no room for images of the test views ({}): there are no test figures; \
                  litetex eval --device cpu measures the finished run",
-                fact(&what)
+                no_room.what
             ),
             Err(error) => return Err(error),
         };
@@ -87,10 +86,10 @@ impl Trainer<'_> {
     pub(super) fn checkpoint(&mut self, is_interim: bool, sink: Sink<'_>) -> Result<Control> {
         match self.read_state() {
             Ok(()) => self.save(is_interim, sink).map(|()| Control::Continue),
-            Err(Error::DeviceFull(what)) => {
+            Err(Error::DeviceFull(no_room)) => {
                 // Not again after the next batch.
                 self.saved_secs = (self.timing.now)();
-                let (step, what) = (self.state.step, fact(&what));
+                let (step, what) = (self.state.step, no_room.what);
                 sink(TrainEvent::Warning(Warning {
                     code: NO_CHECKPOINT.to_owned(),
                     message: format!(
