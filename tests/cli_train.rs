@@ -168,8 +168,8 @@ fn a_resumed_run_equals_the_uninterrupted_one_byte_for_byte() {
 #[test]
 fn a_run_is_evaluated_rendered_and_inspected() {
     let place = Place::new();
-    // With larger, fainter splats, and rates at which they stay so, some pixels are uncovered.
-    let faint = ["--set", "start=spacing", "--set", "rates.raise=0.5", "--set", "rates.fall=1"];
+    // With rates at which splats stay faint, some pixels are uncovered.
+    let faint = ["--set", "rates.raise=0.5", "--set", "rates.fall=1"];
     let short = ["--steps", "12", "--texture", "none"];
     place.train("run", &[&short[..], &faint].concat());
     let (run_dir, out) = (place.path("run"), place.path("out"));

@@ -464,6 +464,6 @@ fn the_sample_is_a_valid_capture() {
         capture_from_local: capture.capture_from_local,
         near: capture.near,
     };
-    let InitialModel { model, report, .. } = initial_model(&input, &InitOptions::default()).unwrap();
+    let InitialModel { model, report } = initial_model(&input, &InitOptions::default()).unwrap();
     assert_eq!((model.num_splats(), report.warnings.len()), (summary.points, 0));
 }

@@ -130,7 +130,7 @@ fn splats_met(camera: &Camera, points: &[LocalPoint], near: f32) -> Vec<u16> {
     };
     let none = || vec![0_u16; camera.pinhole.num_pixels()];
     let add = |mut met: Vec<u16>, chunk: &[LocalPoint]| {
-        visit_cells(camera, near, chunk, (MAP_SIGMA_MAX, 0.0), |_, cell, _| {
+        visit_cells(camera, near, chunk, MAP_SIGMA_MAX, |cell| {
             met[cell] = met[cell].saturating_add(1);
         });
         met

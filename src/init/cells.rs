@@ -4,24 +4,23 @@ use super::points::LocalPoint;
 use crate::camera::Camera;
 use glam::DVec2;
 
-/// Calls `visit` for each cell of a view whose centre lies within `reach` standard deviations of a point's splat, or within
-/// `least_cells` cells of its centre, with the point's index, the cell and the squared distance in standard deviations.
+/// Calls `visit` for each cell of a view whose centre lies within `reach` standard deviations of a point's splat.
 pub(super) fn visit_cells(
     camera: &Camera,
     near: f32,
     points: &[LocalPoint],
-    (reach, least_cells): (f64, f64),
-    mut visit: impl FnMut(usize, usize, f64),
+    reach: f64,
+    mut visit: impl FnMut(usize),
 ) {
     let pinhole = &camera.pinhole;
     let (columns, rows) = (pinhole.width_px as usize, pinhole.height_px as usize);
-    for (index, point) in points.iter().enumerate() {
+    for point in points {
         let in_camera = camera.camera_from_local.transform_point(point.position_in_local());
         let Some(at) = pinhole.project(in_camera).filter(|_| in_camera.z > f64::from(near)) else {
             continue;
         };
-        let sigma = f64::from(point.sigma) / in_camera.z * DVec2::new(pinhole.fx_px, pinhole.fy_px);
-        let reach_px = (reach * sigma).max(DVec2::splat(least_cells));
+        let reach_px =
+            reach * f64::from(point.sigma) / in_camera.z * DVec2::new(pinhole.fx_px, pinhole.fy_px);
         // Cells whose centres lie in the box around the disc.
         let span = |at: f64, reach: f64, cells: usize| {
             let bound = |v: f64| v.clamp(0.0, cells as f64) as usize;
@@ -31,7 +30,7 @@ pub(super) fn visit_cells(
             for column in span(at.x, reach_px.x, columns) {
                 let offset = DVec2::new(column as f64, row as f64) + 0.5 - at;
                 if (offset / reach_px).length_squared() <= 1.0 {
-                    visit(index, row * columns + column, (offset / sigma).length_squared());
+                    visit(row * columns + column);
                 }
             }
         }

@@ -2,7 +2,7 @@
 
 use crate::camera::Similarity;
 use crate::model::Filter;
-use crate::train::{Policy, Start};
+use crate::train::Policy;
 use crate::views::{SfmPoint, Split, ViewSource, by_place};
 use std::path::Path;
 
@@ -64,8 +64,6 @@ pub struct InitOptions {
     pub policy: Policy,
     /// Low-pass filter of the model.
     pub filter: Filter,
-    /// Sizes and opacities of the splats.
-    pub start: Start,
     /// Seed of everything random.
     pub seed: u64,
     /// Adds a backdrop where training rays meet no points, which takes reading photos; on photos that were
@@ -83,7 +81,6 @@ impl Default for InitOptions {
             sh_degree: 3,
             policy: Policy::Litetex,
             filter: Filter::None,
-            start: Start::default(),
             seed: 42,
             backdrop_on: None,
             sweep_on: None,

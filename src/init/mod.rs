@@ -5,11 +5,7 @@ mod backdrop;
 #[cfg(test)]
 mod backdrop_tests;
 mod cells;
-mod coverage;
-#[cfg(test)]
-mod coverage_tests;
 mod input;
-mod orientation;
 mod patch;
 mod points;
 mod random;
@@ -25,7 +21,6 @@ pub use input::{InitInput, InitOptions, InitPoints};
 use crate::constants::SH_DEGREE_MAX;
 use crate::model::Model;
 use crate::text::counted;
-use crate::train::Start;
 use crate::{Error, Report, Result};
 use points::{LocalPoint, along_a_curve, local_points, random_points, thinned, usable};
 use random::{Purpose, Stream, local_from_cameras, rotation};
@@ -40,8 +35,6 @@ pub struct InitialModel {
     pub model: Model,
     /// Which points were left out, and where others come from.
     pub report: Report,
-    /// Whether splats stand at random places.
-    pub is_random: bool,
 }
 
 /// The model that training starts from, and which points were left out.
@@ -58,7 +51,7 @@ pub fn initial_model(input: &InitInput<'_>, options: &InitOptions) -> Result<Ini
         ));
     }
     let mut report = Report::default();
-    let (mut points, is_random) = first_points(input, options, &mut report)?;
+    let mut points = first_points(input, options, &mut report)?;
     if points.is_empty() {
         return Err(Error::invalid(
             input.points_file,
@@ -79,28 +72,23 @@ pub fn initial_model(input: &InitInput<'_>, options: &InitOptions) -> Result<Ini
         (local_from_cameras(input.views), Stream::new(options.seed, Purpose::Rotations));
     points.iter_mut().for_each(|point| point.quaternion = rotation(turned, &mut stream));
     splats::size_by_spacing(&mut points);
-    // Random splats have no surface yet: smaller ones take longer to find it.
-    if options.start == Start::Coverage && !is_random {
-        orientation::face_cameras(&mut points, input);
-        coverage::size_by_coverage(&mut points, input);
-    }
     points.append(&mut backdrop);
     let model = splats::model(input, &along_a_curve(&points), options)?;
-    Ok(InitialModel { model, report, is_random })
+    Ok(InitialModel { model, report })
 }
 
-/// All usable points: those given, and those that the photos or chance add. Also whether they are random.
+/// All usable points: those given, and those that the photos or chance add.
 fn first_points(
     input: &InitInput<'_>,
     options: &InitOptions,
     report: &mut Report,
-) -> Result<(Vec<LocalPoint>, bool)> {
+) -> Result<Vec<LocalPoint>> {
     let random = |count, report: &mut Report| {
         usable(sorted(random_points(input, count, options.seed)), input.views, report)
     };
     let mut points = match input.points {
         InitPoints::Sparse(points) => usable(sorted(local_points(input, points)), input.views, report),
-        InitPoints::Random(count) => return Ok((random(count, report), true)),
+        InitPoints::Random(count) => return Ok(random(count, report)),
         InitPoints::Missing(_) => Vec::new(),
     };
     if let Some(background) = options.sweep_on {
@@ -127,9 +115,9 @@ fn first_points(
         InitPoints::Missing(count) if points.is_empty() => {
             let message = format!("the capture has no points: initialising from {count} random points");
             report.warn("random-initialisation", count, message);
-            Ok((random(count, report), true))
+            Ok(random(count, report))
         }
-        _ => Ok((points, false)),
+        _ => Ok(points),
     }
 }
 

@@ -4,7 +4,7 @@ use super::*;
 use crate::camera::Camera;
 use crate::capture::fixtures::Scene;
 use crate::capture::{Capture, LoadOptions};
-use crate::train::{Policy, Start};
+use crate::train::Policy;
 use crate::views::{Split, ViewSource as _};
 use glam::{DQuat, DVec3};
 use tempfile::tempdir;
@@ -43,7 +43,7 @@ fn points_become_splats_with_the_documented_parameters() {
     let corners = [[0., 0., 0.], [2., 0., 0.], [0., 2., 0.], [2., 2., 0.], [0., 0., 20.]];
     scene.points = corners.map(|p| (p, [255, 0, 51])).to_vec();
     let capture = capture(&scene);
-    let options = InitOptions { policy: Policy::Fixed(4), start: Start::Spacing, ..InitOptions::default() };
+    let options = InitOptions { policy: Policy::Fixed(4), ..InitOptions::default() };
     let (model, report) = sparse(&capture, &options);
     assert_eq!(model.num_splats(), 5);
     assert!(report.warnings.is_empty(), "{report:?}");
@@ -143,47 +143,6 @@ fn parallel_cameras_get_points_along_their_rays() {
     assert!(model.splats.positions.chunks_exact(3).all(|p| p[2] > 0.49 && p[2] < 20.1));
     let none = made_from(&capture, InitPoints::Sparse(&[]), &InitOptions::default());
     assert!(matches!(none, Err(Error::InvalidInput { .. })));
-}
-
-#[test]
-fn splats_face_the_nearest_camera_that_shows_them() {
-    let capture = capture(&Scene::ring(9));
-    let cameras: Vec<Camera> =
-        capture.indices(Split::Train).into_iter().map(|view| capture.camera(view)).collect();
-    // Cosines of the angles between normals and directions to the camera.
-    let cosines = |start| {
-        let options = InitOptions { start, backdrop_on: None, sweep_on: None, ..InitOptions::default() };
-        let splats = sparse(&capture, &options).0.splats;
-        let of = |(position, rotation): (&[f32], &[f32])| {
-            let at = DVec3::new(position[0].into(), position[1].into(), position[2].into());
-            let [w, x, y, z] = [0, 1, 2, 3].map(|i| f64::from(rotation[i]));
-            let shown = cameras.iter().filter(|c| c.shows(at)).map(|c| c.centre_in_local() - at);
-            let nearest = shown.min_by(|a, b| a.length().total_cmp(&b.length()))?;
-            Some((DQuat::from_xyzw(x, y, z, w) * DVec3::Z).dot(nearest.normalize()).abs())
-        };
-        let each = splats.positions.chunks_exact(3).zip(splats.quaternions.chunks_exact(4));
-        each.filter_map(of).collect::<Vec<f64>>()
-    };
-    let facing = cosines(Start::Coverage);
-    assert!(!facing.is_empty() && facing.iter().all(|cosine| *cosine > 1.0 - 1e-5), "{facing:?}"); // needed 1e-6
-    // Negative control: random rotations.
-    let random = cosines(Start::Spacing);
-    let mean = random.iter().sum::<f64>() / random.len() as f64;
-    assert!((0.3..0.7).contains(&mean), "{mean}");
-}
-
-#[test]
-fn random_splats_start_at_the_spacing_of_their_points() {
-    let capture = capture(&Scene::ring(9));
-    let [by_coverage, by_spacing] = [Start::Coverage, Start::Spacing].map(|start| {
-        let options = InitOptions { start, ..InitOptions::default() };
-        [InitPoints::Random(500), InitPoints::Sparse(&capture.points)].map(|points| {
-            let splats = made_from(&capture, points, &options).unwrap().0.splats;
-            (splats.log_scales, splats.opacity_logits, splats.quaternions)
-        })
-    });
-    assert_eq!(by_coverage[0], by_spacing[0]);
-    assert_ne!(by_coverage[1], by_spacing[1], "negative control: those at points");
 }
 
 #[test]

@@ -47,7 +47,6 @@ pub fn fresh_model(
     let is_cut_out = wants_backdrop && capture.has_alpha();
     let options = InitOptions {
         filter: config.filter,
-        start: config.start,
         max_points: InitOptions::default().max_points.min(most),
         sh_degree: config.sh_degree,
         policy: config.policy,

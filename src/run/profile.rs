@@ -5,7 +5,7 @@ use crate::backend::LossWeights;
 use crate::frequency::ScheduleRules;
 use crate::model::Filter;
 use crate::train::density::DensityConfig;
-use crate::train::{Backdrop, Policy, RateConfig, Start, TrainConfig};
+use crate::train::{Backdrop, Policy, RateConfig, TrainConfig};
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 
@@ -77,7 +77,6 @@ impl Profile {
             density: fresh.density,
             scheduler: fresh.scheduler,
             sweep: fresh.sweep,
-            start: fresh.start,
             backdrop: fresh.backdrop,
             exposure: fresh.exposure,
             filter: fresh.filter,
@@ -87,7 +86,6 @@ impl Profile {
         };
         if matches!(self, Self::Paper | Self::Authors | Self::Cat) {
             config.sweep = false;
-            config.start = Start::Spacing;
             config.backdrop = Backdrop::None;
             config.filter = Filter::None;
             config.rates = RateConfig::published();
@@ -157,16 +155,13 @@ mod tests {
             let ours =
                 [density.sh_below, density.sh_raise, density.grow_by_axis, density.prune_db, density.need_db];
             assert_eq!(ours, [0.0; 5]);
-            let TrainConfig { start, sweep, backdrop, filter, rates, .. } = config(profile);
-            assert_eq!(
-                (start, sweep, backdrop, filter),
-                (Start::Spacing, false, Backdrop::None, Filter::None)
-            );
+            let TrainConfig { sweep, backdrop, filter, rates, .. } = config(profile);
+            assert_eq!((sweep, backdrop, filter), (false, Backdrop::None, Filter::None));
             assert_eq!(rates, RateConfig::published());
         }
         // Negative control: the default has all of them.
-        let TrainConfig { start, sweep, backdrop, filter, rates, .. } = config(Profile::Default);
-        assert!(start != Start::Spacing && sweep && backdrop != Backdrop::None && filter != Filter::None);
+        let TrainConfig { sweep, backdrop, filter, rates, .. } = config(Profile::Default);
+        assert!(sweep && backdrop != Backdrop::None && filter != Filter::None);
         assert!(rates != RateConfig::published());
         assert_eq!(density(Profile::Default), DensityConfig::default());
     }

@@ -29,8 +29,7 @@ const OUTLYING_SHOWN: usize = 5;
 /// A larger share of test pixels that nothing covers gets a warning.
 const UNCOVERED_MAX: f64 = 0.01;
 
-/// Steps before which even well-seen surfaces may be translucent: splats start at opacity 0.2 or 0.5, with
-/// `start = "spacing"` at 0.1.
+/// Steps before which even well-seen surfaces may be translucent: splats start at opacity 0.1.
 pub(super) const UNCOVERED_MIN_STEPS: u32 = 200;
 
 /// Writes the files of one training.

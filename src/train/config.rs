@@ -24,18 +24,6 @@ pub enum Backdrop {
     None,
 }
 
-/// Sizes, opacities and orientations of the splats at the start. Random ones start as by [`Start::Spacing`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Start {
-    /// Small and opaque where enough of them cover the scene, elsewhere as large as the spacing of the points; facing the nearest
-    /// camera (method 5.5 and 5.6).
-    #[default]
-    Coverage,
-    /// The spacing of the points, opacity 0.1 (3DGS), turned at random.
-    Spacing,
-}
-
 /// How the trainer treats photos of different exposure and white balance.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -150,8 +138,6 @@ pub struct TrainConfig {
     pub scheduler: FrequencyOptions,
     /// Whether the initial model gets points from the photos where the capture has few. Default on (method 5.4).
     pub sweep: bool,
-    /// Sizes and opacities of the splats at the start. Default `coverage` (method 5.5).
-    pub start: Start,
     /// Large splats behind the points. Default `auto` (method 5.3).
     pub backdrop: Backdrop,
     /// Correction of the photos' exposures. Default `none`.
@@ -191,7 +177,6 @@ impl Default for TrainConfig {
             density: DensityConfig::default(),
             scheduler: FrequencyOptions::default(),
             sweep: true,
-            start: Start::Coverage,
             backdrop: Backdrop::Auto,
             exposure: Exposure::None,
             filter: Filter::Ewa,

@@ -17,7 +17,7 @@ const PARAMS_EACH_GROWN: f64 = 34.0;
 const PARAMS_EACH_PRUNED: f64 = 20.0;
 
 /// Without a budget splats are split until each has about this many pixels of a view, as fast as the steps allow. Measured
-/// with `start = "spacing"`, steps and pixels for each initial splat, then splats over those at the start: fox 600, 137: 1.38;
+/// steps and pixels for each initial splat, then splats over those at the start: fox 600, 137: 1.38;
 /// 1,646, 9: 1.06; 1,933, 35: 1.40; 2,584, 97: 2.82; 7,326, 97: 3.11; flower 2,072 and 6,935, 18: 0.9; bonsai 1,677, 24: 1.02;
 /// 5,853, 24: 1.22; lego 10,228, 29: 1.00; 30,000, 29: 1.12.
 const PIXELS_EACH_GROWN: f64 = 32.0;

@@ -31,7 +31,7 @@ mod step_costs;
 mod targets;
 mod window;
 
-pub use config::{Backdrop, Exposure, LengthChange, RateConfig, Start, TrainConfig, params_for_bytes};
+pub use config::{Backdrop, Exposure, LengthChange, RateConfig, TrainConfig, params_for_bytes};
 pub use density::{FirstMap, Policy, PolicySpec, Rule, policies};
 pub use device_bound::{DeviceBound, GROWTH_ENDED, SMALLER_IMAGES};
 pub use eta::{Course, Remaining};
