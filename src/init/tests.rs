@@ -1,12 +1,10 @@
 //! Behaviour of the initial model.
 
 use super::*;
-use crate::camera::Camera;
 use crate::capture::fixtures::Scene;
 use crate::capture::{Capture, LoadOptions};
 use crate::train::Policy;
 use crate::views::{Split, ViewSource as _};
-use glam::{DQuat, DVec3};
 use tempfile::tempdir;
 
 fn capture(scene: &Scene) -> Capture {
