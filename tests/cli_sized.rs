@@ -71,13 +71,17 @@ fn splats_without_textures_have_files_of_a_wanted_size_too() {
 }
 
 #[test]
-fn a_size_that_is_too_small_is_refused_and_leaves_no_folder() {
+fn a_size_that_is_too_small_is_refused_with_the_smallest_which_has_room() {
     let place = Place::new();
     let [capture, run] = ["capture", "run"].map(|name| place.path(name));
     let (code, message) = bad(&Place::training(&capture, &run, &["--max-size", "1kB"]));
     assert_eq!(code, 2, "{message}");
-    assert!(message.contains("too small for this capture, whose smallest file has"), "{message}");
-    assert!(!std::path::Path::new(&run).exists());
+    let smallest = message.split("too small for this capture, whose smallest file has ").nth(1);
+    let least: u64 =
+        smallest.unwrap_or_else(|| panic!("{message}")).split(' ').next().unwrap().parse().unwrap();
+    assert!(!std::path::Path::new(&run).exists(), "nothing is left behind");
+    good(&Place::training(&capture, &run, &["--max-size", &format!("{least}B")]));
+    assert!(fs::metadata(place.path("run/scene.ltgs")).unwrap().len() <= least);
 }
 
 #[test]
