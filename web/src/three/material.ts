@@ -19,7 +19,6 @@ export class SplatMaterial extends RawShaderMaterial {
             glslVersion: GLSL3,
             vertexShader: SPLAT_SHADERS.vertex,
             fragmentShader: SPLAT_SHADERS.fragment,
-            defines: { ORDER_TEXTURE: 1 },
             transparent: true,
             blending: CustomBlending,
             blendSrc: OneFactor,
@@ -42,9 +41,9 @@ export class SplatMaterial extends RawShaderMaterial {
             growth: { value: 1 },
             grown: { value: 0 },
             filtered: { value: false },
+            drawn: { value: 0 },
             colours: { value: 0 },
             classColours: { value: classColours('trained') },
-            conversion: { value: 0 },
         };
     }
 
@@ -67,11 +66,15 @@ export class SplatMaterial extends RawShaderMaterial {
         u.colours.value = COLOURS[colours];
         if (colours !== this.shown) u.classColours.value = classColours(colours);
         this.shown = colours;
-        u.conversion.value = conversion;
+        this.define('SHOWS_DEPTH', colours === 'depth');
+        this.define('TO_LINEAR', conversion === CONVERSION.toLinear);
+        this.define('TO_SRGB', conversion === CONVERSION.toSrgb);
         this.uniformsNeedUpdate = true;
     }
 
-    setTextures({ buffers }: GpuScene, order: WebGLTexture): void {
+    /** Takes the textures and the number of splats of the order. */
+    setTextures({ buffers }: GpuScene, order: WebGLTexture, drawn: number): void {
+        this.uniforms.drawn.value = drawn;
         this.uniforms.growth.value = buffers.growth;
         this.uniforms.grown.value = buffers.grown;
         for (const name of ['splats', 'sh', 'means', 'texels'] as const) this.textures[name].sourceTexture = buffers[name].texture;
@@ -80,12 +83,15 @@ export class SplatMaterial extends RawShaderMaterial {
 
     /** As three.js's materials write depth if the renderer has a logarithmic one. Call it before the first image, too. */
     setLogarithmicDepth(renderer: WebGLRenderer, far: number, scale: number): void {
-        const logarithmic = renderer.capabilities.logarithmicDepthBuffer;
-        if (logarithmic !== 'LOGARITHMIC_DEPTH' in this.defines) {
-            if (logarithmic) this.defines.LOGARITHMIC_DEPTH = 1;
-            else delete this.defines.LOGARITHMIC_DEPTH;
-            this.needsUpdate = true;
-        }
+        this.define('LOGARITHMIC_DEPTH', renderer.capabilities.logarithmicDepthBuffer);
         this.uniforms.logDepth.value.set(1 / Math.log2(far + 1), scale);
+    }
+
+    /** Chooses a variant of the shaders. */
+    private define(name: string, on: boolean): void {
+        if (on === name in this.defines) return;
+        if (on) this.defines[name] = 1;
+        else delete this.defines[name];
+        this.needsUpdate = true;
     }
 }

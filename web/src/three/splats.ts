@@ -4,6 +4,7 @@ import {
     Box3, type BufferGeometry, type Camera, ColorManagement, InstancedBufferGeometry, type Intersection, LinearTransfer, type Material, Mesh, type PerspectiveCamera, type Raycaster, type Scene,
     Sphere, Vector3, Vector4, type WebGLRenderer, type WebGLRenderTarget,
 } from 'three';
+import { batchesOf, batchIndices } from '../core/render/batch';
 import type { Colours } from '../core/render/colours';
 import type { SceneCamera, SceneInfo, SplatUpdate } from '../core/scene';
 import { sceneBounds } from '../viewer/bounds';
@@ -80,7 +81,7 @@ export class LitetexSplats extends Mesh<InstancedBufferGeometry, SplatMaterial> 
     /** An object without splats, which `apply` gives it; loaders do that. */
     constructor(source: SceneInfo | SplatData, options: SplatsOptions = {}) {
         const geometry = new InstancedBufferGeometry();
-        geometry.setIndex([0, 1, 2, 2, 1, 3]);
+        geometry.setIndex(batchIndices());
         geometry.instanceCount = 0;
         super(geometry, new SplatMaterial());
         this.data = source instanceof SplatData ? source : new SplatData(source, options);
@@ -135,8 +136,8 @@ export class LitetexSplats extends Mesh<InstancedBufferGeometry, SplatMaterial> 
         const r = view.rotation;
         this.data.orders.update(order, { axis: [r[6], r[7], r[8]], offset: view.translation[2] }, this.sorting === 'immediate');
         const { texture, count } = gpu.order(order);
-        this.geometry.instanceCount = count;
-        this.material.setTextures(gpu, texture);
+        this.geometry.instanceCount = batchesOf(count);
+        this.material.setTextures(gpu, texture, count);
         const target = renderer.getRenderTarget();
         const conversion = this.conversionFor(renderer);
         const whole = conversion !== CONVERSION.none && this.conversion === 'image' && target !== null && gpu.composite.begin(target);

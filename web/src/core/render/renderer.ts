@@ -1,10 +1,12 @@
 /** Draws a scene with WebGL2, into a target of 16 bits and from there onto the canvas. */
 
 import type { SceneInfo, SplatUpdate } from '../scene';
+import { batchesOf, batchIndices, SPLATS_PER_BATCH } from './batch';
 import { type Precision, SplatBuffers } from './buffers';
 import { classColours, COLOURS, type Colours } from './colours';
 import { Loss } from './loss';
 import { Order } from './order';
+import { Pool } from './pool';
 import { type Program, resolveProgram, splatProgram } from './program';
 import { bestTarget, Target, type TargetFormat } from './targets';
 import { centreOf, type View } from './view';
@@ -39,7 +41,8 @@ export interface DrawOptions {
 /** What the context holds besides the scene. */
 interface Tools {
     readonly order: Order;
-    readonly program: Program;
+    /** By their variants, made when they are first needed. */
+    readonly programs: Map<string, Program>;
     readonly resolve: Program;
     readonly vertexArray: WebGLVertexArrayObject;
     readonly indices: WebGLBuffer;
@@ -52,6 +55,8 @@ export class SplatRenderer {
     /** Null while the context is lost. */
     private tools: Tools | null = null;
     private buffers: SplatBuffers | null = null;
+    /** Splats far to near. */
+    private ordered: Pool | null = null;
     private target: Target | null = null;
     private drawn = 0;
     /** Of the scene before the context was lost. */
@@ -90,7 +95,9 @@ export class SplatRenderer {
         this.info = info;
         if (!this.tools) return;
         this.buffers?.dispose();
+        this.ordered?.dispose();
         this.buffers = new SplatBuffers(this.gl, info, this.options.precision ?? 'half', this.options.maxSplats);
+        this.ordered = new Pool(this.gl, 'r32ui', this.buffers.capacity);
         this.drawn = 0;
         this.tools.order.setPositions(0, new Float32Array(0));
     }
@@ -111,7 +118,7 @@ export class SplatRenderer {
     get figures(): { splats: number; texels: number; bytes: number; sortMs: number } {
         const { tools, buffers } = this;
         if (!tools || !buffers) return this.before;
-        return { splats: buffers.count, texels: buffers.numTexels, bytes: buffers.bytes, sortMs: tools.order.lastMs };
+        return { splats: buffers.count, texels: buffers.numTexels, bytes: buffers.bytes + this.ordered!.bytes, sortMs: tools.order.lastMs };
     }
 
     /** Asks for the splats' order in a view, and waits until it is there. */
@@ -145,11 +152,12 @@ export class SplatRenderer {
     dispose(): void {
         this.loss.dispose();
         this.buffers?.dispose();
+        this.ordered?.dispose();
         this.target?.dispose();
         if (this.tools) {
-            const { order, program, resolve, indices, vertexArray } = this.tools;
+            const { order, programs, resolve, indices, vertexArray } = this.tools;
             order.dispose();
-            program.dispose();
+            programs.forEach((program) => program.dispose());
             resolve.dispose();
             this.gl.deleteBuffer(indices);
             this.gl.deleteVertexArray(vertexArray);
@@ -163,12 +171,11 @@ export class SplatRenderer {
         if (format === 'rgba32f') gl.getExtension('EXT_float_blend');
         const vertexArray = gl.createVertexArray()!, indices = gl.createBuffer()!;
         gl.bindVertexArray(vertexArray);
-        gl.bindBuffer(gl.ARRAY_BUFFER, indices);
-        gl.enableVertexAttribArray(0);
-        gl.vertexAttribIPointer(0, 1, gl.UNSIGNED_INT, 0, 0);
-        gl.vertexAttribDivisor(0, 1);
-        const order: Order = new Order((made) => this.setOrder(made, indices));
-        return { order, program: splatProgram(gl, options.defines), resolve: resolveProgram(gl), vertexArray, indices, format };
+        gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, indices);
+        gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, new Uint16Array(batchIndices()), gl.STATIC_DRAW);
+        gl.bindVertexArray(null);
+        const order: Order = new Order((made) => this.setOrder(made));
+        return { order, programs: new Map(), resolve: resolveProgram(gl), vertexArray, indices, format };
     }
 
     /** Everything that was in the context has gone with it. */
@@ -177,14 +184,12 @@ export class SplatRenderer {
         this.options.onLost?.();
         this.before = { ...this.figures, bytes: 0 };
         this.tools.order.dispose();
-        this.tools = this.buffers = this.target = null;
+        this.tools = this.buffers = this.ordered = this.target = null;
         this.drawn = 0;
     }
 
-    private setOrder(order: Uint32Array, indices: WebGLBuffer): void {
-        const { gl } = this;
-        gl.bindBuffer(gl.ARRAY_BUFFER, indices);
-        gl.bufferData(gl.ARRAY_BUFFER, order, gl.DYNAMIC_DRAW);
+    private setOrder(order: Uint32Array): void {
+        this.ordered?.write(0, order);
         this.drawn = order.length;
         this.options.onOrder?.();
     }
@@ -205,16 +210,20 @@ export class SplatRenderer {
         gl.scissor(part[0], view.heightPx - part[1] - part[3], part[2], part[3]);
     }
 
-    private drawSplats(view: View, info: SceneInfo, buffers: SplatBuffers, { program, vertexArray }: Tools, { colours = 'trained', depthRange }: DrawOptions): void {
+    private drawSplats(view: View, info: SceneInfo, buffers: SplatBuffers, { programs, vertexArray }: Tools, { colours = 'trained', depthRange }: DrawOptions): void {
         const { gl } = this;
         const [nearest, farthest] = depthRange ?? [info.near, 1000 * info.near];
+        const variant = (this.options.defines ?? '') + (colours === 'depth' ? '#define SHOWS_DEPTH\n' : '');
+        const program = programs.get(variant) ?? splatProgram(gl, variant);
+        programs.set(variant, program);
         gl.useProgram(program.program);
         const u = (name: string) => program.uniform(name);
-        [buffers.splats, buffers.sh, buffers.means, buffers.texels].forEach((pool, unit) => {
+        Object.entries({ splats: buffers.splats, sh: buffers.sh, means: buffers.means, texels: buffers.texels, order: this.ordered! }).forEach(([name, pool], unit) => {
             gl.activeTexture(gl.TEXTURE0 + unit);
             gl.bindTexture(gl.TEXTURE_2D, pool.texture);
-            gl.uniform1i(u(['splats', 'sh', 'means', 'texels'][unit]), unit);
+            gl.uniform1i(u(name), unit);
         });
+        gl.uniform1i(u('drawn'), this.drawn);
         const camera = centreOf(view);
         gl.uniformMatrix3fv(u('cameraFromData'), true, view.rotation);
         gl.uniform3f(u('translation'), ...view.translation);
@@ -235,7 +244,7 @@ export class SplatRenderer {
         const counts = Boolean(this.options.defines);
         gl.blendFunc(gl.ONE, counts ? gl.ONE : gl.ONE_MINUS_SRC_ALPHA);
         gl.bindVertexArray(vertexArray);
-        gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, this.drawn);
+        gl.drawElementsInstanced(gl.TRIANGLES, 6 * SPLATS_PER_BATCH, gl.UNSIGNED_SHORT, 0, batchesOf(this.drawn));
         gl.disable(gl.BLEND);
     }
 

@@ -11,12 +11,12 @@ uniform sampler2D texels; // RGB of one texel per texel
 uniform float near;
 uniform vec2 size; // px
 uniform vec2 origin; // of the viewport, px
-uniform int colours;
-uniform int conversion; // of colours: 0 none, 1 from sRGB code values to linear light, 2 the reverse
 #ifdef LOGARITHMIC_DEPTH
 uniform vec2 logDepth; // depth of the window = x log2(1 + y distance along the axis)
 #endif
-uniform vec2 depthRange; // logarithms of depths that are white and black, for COLOURS_DEPTH
+#ifdef SHOWS_DEPTH
+uniform vec2 depthRange; // logarithms of depths that are white and black
+#endif
 
 flat in vec4 centreAndPlane;
 flat in vec4 falloff;
@@ -47,9 +47,16 @@ vec3 residual(vec2 uv, vec2 footprint) {
     return sum / (footprint.x * footprint.y);
 }
 
+// From sRGB code values to linear light, the reverse, or as they are. A variant each, like all that a uniform would decide: software
+// runs both ways of such a branch.
 vec3 converted(vec3 c) {
-    if (conversion == 1) return mix(c / 12.92, pow((c + 0.055) / 1.055, vec3(2.4)), step(0.04045, c));
+#if defined(TO_LINEAR)
+    return mix(c / 12.92, pow((c + 0.055) / 1.055, vec3(2.4)), step(0.04045, c));
+#elif defined(TO_SRGB)
     return mix(12.92 * c, 1.055 * pow(max(c, 0.0031308), vec3(1.0 / 2.4)) - 0.055, step(0.0031308, c));
+#else
+    return c;
+#endif
 }
 
 void main() {
@@ -77,9 +84,8 @@ void main() {
         vec2 uv = vec2(dot(texture_.xy, q), dot(texture_.zw, q)) / d + originAndFootprint.xy;
         colour = max(vec3(0.0), colour + residual(uv, originAndFootprint.zw));
     }
-    if (colours == COLOURS_DEPTH) {
-        colour = vec3(1.0 - clamp((log(centreDepth / d) - depthRange.x) / (depthRange.y - depthRange.x), 0.0, 1.0));
-    }
-    if (conversion != 0) colour = converted(colour);
-    colourAndAlpha = vec4(colour * alpha, alpha);
+#ifdef SHOWS_DEPTH
+    colour = vec3(1.0 - clamp((log(centreDepth / d) - depthRange.x) / (depthRange.y - depthRange.x), 0.0, 1.0));
+#endif
+    colourAndAlpha = vec4(converted(colour) * alpha, alpha);
 }

@@ -1,4 +1,4 @@
-// One splat as a quad of the image: exporters/schema/gltf.md, section 5, and section 6, step 1.
+// Splats as quads of the image, a batch an instance: exporters/schema/gltf.md, section 5, and section 6, step 1.
 //
 // Everything a sample needs is affine in q, the pixel relative to the projected centre (y down): with D = 1 + plane . q,
 // the standardised offset on the surfel is (falloffU . q, falloffV . q) / D, and so are the texture coordinates.
@@ -34,11 +34,8 @@ uniform uint grown;
 uniform int colours; // COLOURS_*, see colours.ts
 uniform vec3 classColours[9];
 
-#ifdef ORDER_TEXTURE
 uniform usampler2D order; // splats from far to near, one per texel
-#else
-in uint splat;
-#endif
+uniform int drawn; // of the order
 
 flat out vec4 centreAndPlane; // projected centre, px, y down; plane
 flat out vec4 falloff; // falloffU, falloffV
@@ -126,10 +123,10 @@ vec4 clippedBounds(vec3 centre, vec3 halfU, vec3 halfV) {
 
 void main() {
     gl_Position = vec4(2.0, 2.0, 2.0, 1.0); // outside: no fragments
-#ifdef ORDER_TEXTURE
+    int slot = SPLATS_PER_BATCH * gl_InstanceID + (gl_VertexID >> 2);
+    if (slot >= drawn) return;
     int orderWidth = textureSize(order, 0).x;
-    uint splat = texelFetch(order, ivec2(gl_InstanceID % orderWidth, gl_InstanceID / orderWidth), 0).r;
-#endif
+    uint splat = texelFetch(order, ivec2(slot % orderWidth, slot / orderWidth), 0).r;
     int width = textureSize(splats, 0).x;
     ivec2 at = ivec2(int(splat % uint(width / 4)) * 4, int(splat / uint(width / 4)));
     vec4 first = uintBitsToFloat(texelFetch(splats, at, 0));
