@@ -307,8 +307,8 @@ pub trait Backend {
     /// Returns to a state that this backend saved, and begins a new statistics window.
     ///
     /// # Errors
-    /// [`crate::Error::Usage`] if another backend saved it, [`crate::Error::DeviceFull`] if memory does not suffice,
-    /// [`crate::Error::Device`] if the device fails.
+    /// [`crate::Error::Usage`] if another backend saved it, [`crate::Error::DeviceFull`] if memory does not suffice: then there may be
+    /// no model any more, so that reading it fails; [`crate::Error::Device`] if the device fails.
     fn restore(&mut self, saved: &SavedState) -> Result<()>;
 
     /// Renders the model after the last step. Does not change a bit of later steps.

@@ -28,6 +28,10 @@ enum Call {
     ReadBack,
     ReadStatistics,
     ReadFlushed,
+    Restore,
+    Probe,
+    Render,
+    SetStatistics,
 }
 
 /// What a device has room for.
@@ -54,11 +58,20 @@ struct Small {
     calls: usize,
     /// Smaller side of the smallest images of a step.
     side_px: u32,
+    /// Whether there is no model, since a state could not be restored.
+    is_lost: bool,
 }
 
 impl Small {
     fn new(room: Room, batch: usize) -> Self {
-        Self { inner: CpuBackend::new(Some(2)).unwrap(), room, batch, calls: 0, side_px: u32::MAX }
+        Self {
+            inner: CpuBackend::new(Some(2)).unwrap(),
+            room,
+            batch,
+            calls: 0,
+            side_px: u32::MAX,
+            is_lost: false,
+        }
     }
 
     /// Refuses a call whose number is among those refused.
@@ -92,12 +105,17 @@ impl Backend for Small {
         self.inner.save()
     }
     fn restore(&mut self, saved: &SavedState) -> Result<()> {
+        self.is_lost = true;
+        self.check(Call::Restore)?;
+        self.is_lost = false;
         self.inner.restore(saved)
     }
     fn probe(&mut self, probes: &mut dyn Iterator<Item = Result<Probe>>) -> Result<Vec<Costs>> {
+        self.check(Call::Probe)?;
         self.inner.probe(probes)
     }
     fn render(&mut self, camera: &Camera, options: &RenderOptions) -> Result<RenderedImage> {
+        self.check(Call::Render)?;
         if self.room.images { self.inner.render(camera, options) } else { no_room("image") }
     }
     fn batch_steps(&self) -> usize {
@@ -120,6 +138,10 @@ impl Backend for Small {
         self.inner.read_statistics()
     }
     fn set_statistics(&mut self, statistics: &WindowStatistics) -> Result<()> {
+        // An empty window needs no room.
+        if statistics.views > 0 {
+            self.check(Call::SetStatistics)?;
+        }
         self.inner.set_statistics(statistics)
     }
     fn apply_plan(&mut self, plan: &DensityPlan) -> Result<()> {
@@ -127,6 +149,9 @@ impl Backend for Small {
     }
     fn read_back(&mut self) -> Result<(Model, AdamState)> {
         self.check(Call::ReadBack)?;
+        if self.is_lost {
+            return Err(Error::Usage("small: no model".into()));
+        }
         self.inner.read_back()
     }
     fn read_flushed(&mut self) -> Result<Model> {
@@ -187,6 +212,19 @@ fn run_with(
     views: &MemoryViews,
     start: TrainState,
 ) -> Outcome {
+    let (out, ended) = attempt(config, room, batch, views, start);
+    assert_eq!(ended.unwrap(), StopReason::Steps);
+    out
+}
+
+/// A run that may fail; its state is then that of the start.
+fn attempt(
+    config: &TrainConfig,
+    room: Room,
+    batch: usize,
+    views: &MemoryViews,
+    start: TrainState,
+) -> (Outcome, Result<StopReason>) {
     let mut backend = Small::new(room, batch);
     let mut out = Outcome {
         state: start.clone(),
@@ -196,7 +234,7 @@ fn run_with(
         steps: Vec::new(),
         warnings: Vec::new(),
     };
-    let (state, reason) = train(config, &mut backend, views, start, &mut |event| {
+    let ended = train(config, &mut backend, views, start, &mut |event| {
         match event {
             TrainEvent::Step { step, report, .. } => {
                 out.steps.push(step);
@@ -212,11 +250,12 @@ fn run_with(
             _ => {}
         }
         Ok(Control::Continue)
-    })
-    .unwrap();
-    assert_eq!(reason, StopReason::Steps);
-    out.state = state;
-    out
+    });
+    let reason = ended.map(|(state, reason)| {
+        out.state = state;
+        reason
+    });
+    (out, reason)
 }
 
 /// A run in a room goes to its last step with one warning, is the same in batches of any size, and can be resumed from anywhere.
@@ -378,6 +417,42 @@ fn rounds_of_pruning_that_do_not_fit_are_left_out() {
         }
         assert_eq!(all.steps.len(), 60);
     }
+}
+
+#[test]
+fn a_round_refused_in_its_middle_leaves_the_state_of_before() {
+    let scene = scene();
+    let (views, start) = (photos(&scene), TrainState::fresh(damaged(&scene)));
+    let mut config = growing();
+    config.density.prune_db = TrainConfig::default().density.prune_db;
+    let room = |call, last| Room { refused: Some((call, [1, last])), ..PLENTY };
+    let of = |call| run_with(&config, room(call, 1), 3, &views, start.clone());
+    let not_begun = of(Call::Save);
+    for call in [Call::Probe, Call::Render, Call::Restore] {
+        let out = of(call);
+        assert_eq!(out.codes(), ["not-pruned"]);
+        assert!(out.file() == not_begun.file(), "as if the round had not begun");
+    }
+    // Negative control.
+    let plenty = run_with(&config, PLENTY, 3, &views, start.clone());
+    assert!(plenty.file() != not_begun.file());
+
+    // A state that cannot be restored is not saved either: the checkpoint before it stays.
+    let (out, ended) = attempt(&config, room(Call::Restore, usize::MAX), 3, &views, start.clone());
+    assert!(matches!(ended, Err(Error::Device(_))), "{ended:?}");
+    let saved = out.saved.last().unwrap();
+    assert_eq!(saved.histories.len(), saved.model.num_splats());
+    assert!(run_with(&config, PLENTY, 3, &views, saved.clone()).file() == plenty.file());
+}
+
+#[test]
+fn a_statistics_window_that_does_not_fit_begins_anew() {
+    let scene = scene();
+    let (views, start) = (photos(&scene), TrainState::fresh(damaged(&scene)));
+    let room = Room { refused: Some((Call::SetStatistics, [1, 1])), ..PLENTY };
+    let out = run(room, 3, &views, start);
+    assert!(out.warnings.is_empty() && out.steps.len() == 60);
+    assert!(out.file() != unbounded().file(), "negative control: a window was refused");
 }
 
 #[test]

@@ -134,16 +134,20 @@ impl Backend for GpuBackend {
     fn set_statistics(&mut self, statistics: &WindowStatistics) -> Result<()> {
         self.check()?;
         statistics.check(self.shape.num_splats())?;
+        self.window_views = statistics.views;
+        let buffer = self.resources.buffer(Buf::Statistics);
+        // An empty window takes no memory, so that beginning one cannot fail.
+        if statistics.views == 0 {
+            self.device.clear(buffer);
+            return Ok(());
+        }
         let values: Vec<[f32; 4]> = (0..statistics.seen.len())
             .map(|i| {
                 let s = statistics;
                 [s.seen[i] as f32, s.area[i], s.contribution[i], s.error[i]]
             })
             .collect();
-        let buffer = self.resources.buffer(Buf::Statistics);
-        self.device.write(buffer, 0, bytemuck::cast_slice(&values))?;
-        self.window_views = statistics.views;
-        Ok(())
+        self.device.write(buffer, 0, bytemuck::cast_slice(&values))
     }
 
     fn apply_plan(&mut self, plan: &DensityPlan) -> Result<()> {

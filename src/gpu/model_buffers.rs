@@ -178,6 +178,16 @@ pub(super) fn derived(device: &GpuDevice, num_splats: usize, num_texels: usize) 
     derived_sizes(num_splats, num_texels).into_iter().map(made).collect()
 }
 
+/// Drops all buffers that depend on the numbers of splats and texels, and waits until their memory is free.
+///
+/// # Errors
+/// [`Error::Device`] if the device was lost.
+pub(super) fn forget(device: &GpuDevice, resources: &mut Resources) -> Result<()> {
+    let derived = derived_sizes(0, 0).map(|(name, ..)| name);
+    STATE.into_iter().chain(derived).for_each(|name| resources.remove(name));
+    device.wait_for(device.queue.submit([]))
+}
+
 /// Buffers of the model and the optimiser's state; all others follow from them.
 pub(super) const STATE: [Buf; 7] =
     [Buf::SplatP, Buf::SplatM, Buf::SplatV, Buf::TexelP, Buf::TexelM, Buf::TexelV, Buf::SplatInfo];

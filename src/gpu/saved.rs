@@ -1,10 +1,11 @@
 //! Copies of the state, kept on the device.
 
+use super::device::GpuDevice;
 use super::kernels::Buf;
 use super::model_buffers::{self, NewBuffers, STATE};
 use super::state::GpuBackend;
-use crate::Result;
 use crate::model::{AdamState, Model};
+use crate::{Error, Result};
 
 /// A copy of a backend's state.
 pub(super) struct Saved {
@@ -32,13 +33,20 @@ impl Saved {
         })
     }
 
+    /// Copies of the buffers, and those derived from them.
+    fn copied(&self, device: &GpuDevice) -> Result<NewBuffers> {
+        let mut made = model_buffers::copies(device, &self.buffers)?;
+        made.extend(model_buffers::derived(device, self.shape.num_splats(), self.shape.num_texels())?);
+        Ok(made)
+    }
+
     /// Whether a model has the same splats and maps, so that its buffers can be filled.
     fn has_shape_of(&self, model: &Model) -> bool {
         self.shape.splats.sh_degrees() == model.splats.sh_degrees()
             && self.shape.textures.maps == model.textures.maps
     }
 
-    /// Puts the state back, completely or not at all.
+    /// Puts the state back. Where memory does not even suffice in place of the present state, no model is left.
     ///
     /// # Errors
     /// [`crate::Error::Usage`] if another backend saved it, [`crate::Error::Device`] if memory fails.
@@ -46,19 +54,20 @@ impl Saved {
         if backend.device.id() != self.device {
             return Err(usage!("{}: another backend saved this state", backend.device.choice.name));
         }
-        if self.has_shape_of(&backend.shape) {
+        if backend.resources.has(Buf::SplatP) && self.has_shape_of(&backend.shape) {
             let pairs = self.buffers.iter().map(|(name, saved)| (saved, backend.resources.buffer(*name)));
             backend.device.copy_all(pairs);
             backend.device.clear(backend.resources.buffer(Buf::Statistics));
             backend.adopt(self.shape.clone(), self.clock.clone());
             return backend.device.check();
         }
-        let mut made = model_buffers::copies(&backend.device, &self.buffers)?;
-        made.extend(model_buffers::derived(
-            &backend.device,
-            self.shape.num_splats(),
-            self.shape.num_texels(),
-        )?);
+        let made = match self.copied(&backend.device) {
+            Err(Error::DeviceFull(_)) => {
+                model_buffers::forget(&backend.device, &mut backend.resources)?;
+                self.copied(&backend.device)?
+            }
+            outcome => outcome?,
+        };
         made.into_iter().for_each(|(name, buffer)| backend.resources.set(name, buffer));
         backend.adopt(self.shape.clone(), self.clock.clone());
         backend.device.check()

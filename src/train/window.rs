@@ -94,7 +94,7 @@ impl DensityControl<'_> {
             state.device.forget();
         } else if let Some(window) = window {
             // The splats are the same, so their window continues. Where nothing was read, it goes on by itself.
-            backend.set_statistics(&window)?;
+            go_on_with(backend, &window, &mut state.window_views)?;
         }
         Ok(revised)
     }
@@ -213,6 +213,21 @@ impl DensityControl<'_> {
             state.pace.observe(revision.counts.split);
         }
         revision
+    }
+}
+
+/// Goes on with a statistics window of the same splats, or begins another if the device has no room for it.
+pub(super) fn go_on_with(
+    backend: &mut dyn Backend,
+    window: &WindowStatistics,
+    views: &mut Vec<u32>,
+) -> Result<()> {
+    match backend.set_statistics(window) {
+        Err(Error::DeviceFull(_)) => {
+            views.clear();
+            backend.set_statistics(&WindowStatistics::empty(window.seen.len()))
+        }
+        outcome => outcome,
     }
 }
 

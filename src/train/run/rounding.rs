@@ -1,6 +1,7 @@
 //! The last phase of a run whose file has a wanted size: the numbers are trained as a reader of the file gets them
 //! (method 10.2).
 
+use super::super::window::go_on_with;
 use super::trainer::{Clock, Trainer};
 use crate::Result;
 use crate::backend::WindowStatistics;
@@ -57,7 +58,7 @@ impl Trainer<'_> {
         let statistics = self.backend.read_statistics()?;
         last.offsets.apply(&mut model, -1.0);
         self.backend.upload(&model, &adam)?;
-        self.backend.set_statistics(&statistics)?;
+        go_on_with(self.backend, &statistics, &mut self.state.window_views)?;
         self.state.rounded = None;
         Ok(())
     }
