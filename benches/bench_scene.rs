@@ -75,7 +75,6 @@ fn main() {
         sh_degree: options.config.sh_degree,
         seed: options.config.seed,
         filter: options.config.filter,
-        start: options.config.start,
         ..InitOptions::default()
     };
     let input = InitInput {

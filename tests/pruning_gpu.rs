@@ -16,6 +16,9 @@ use litetex_gs::selftest::{RandomScene, SceneOptions, random_scene};
 use litetex_gs::train::density::DensityConfig;
 use litetex_gs::train::{Control, Policy, Pruned, TrainConfig, TrainEvent, TrainState, train};
 
+/// Room for the statuses of the steps before a round: less than what costs of a splat take.
+const STATUS_BYTES: usize = 8 << 10;
+
 /// Maps of every shape: odd and even, one texel, one row, none.
 fn varied() -> RandomScene {
     let map_sizes = vec![(4, 4), (8, 6), (2, 5), (1, 1), (7, 3), (1, 6), (0, 0), (20, 9)];
@@ -213,9 +216,25 @@ fn a_round_of_pruning_leaves_the_model_on_the_device() {
         assert!(work.waits <= 20, "{} waits", work.waits);
         // The parameters for density control and again for pruning, 16 bytes of statistics and 88 of costs for each splat.
         let splats = 400 + pruned.splats;
-        let most = 8 * pruned.params_before + 104 * splats + (64 << 10);
+        let most = 8 * pruned.params_before + 104 * splats + STATUS_BYTES;
         assert!(work.read_bytes <= most as u64, "{} bytes", work.read_bytes);
     }
+}
+
+#[test]
+fn a_training_keeps_two_submissions_in_flight() {
+    let (scene, views) = (scene(), photos(&scene()));
+    let trained = |batch_steps| {
+        let mut gpu = backend(GpuOptions { batch_steps, ..GpuOptions::default() })?;
+        let config = TrainConfig { save_every: 0, eval_every: 0, ..config(96) };
+        let meter = gpu.gpu().work_meter();
+        let start = TrainState::fresh(damaged(&scene));
+        let (state, _) = train(&config, &mut gpu, &views, start, &mut |_| Ok(Control::Continue)).unwrap();
+        Some((state.model, meter().overlapping))
+    };
+    let (Some((one, alone)), Some((two, overlapping))) = (trained(Some(1)), trained(None)) else { return };
+    assert_eq!(alone, 0);
+    assert!(overlapping > 0 && one == two, "{overlapping}");
 }
 
 /// The splats in one plane across the first view, where neighbours can merge.
@@ -247,7 +266,7 @@ fn trials_of_merges_send_the_model_twice_at_most() {
         assert!(work.uploads <= 2 && work.photos <= 5 && work.waits <= 24, "{work:?}");
         // Parameters of four bytes: for density control, for pruning, for merges, and once with both moments; statistics and costs
         // of 104 bytes a splat.
-        let most = 24 * pruned.params_before + 104 * (400 + pruned.splats) + (64 << 10);
+        let most = 24 * pruned.params_before + 104 * (400 + pruned.splats) + STATUS_BYTES;
         assert!(work.read_bytes <= most as u64, "{} bytes, at most {most}", work.read_bytes);
     }
 }

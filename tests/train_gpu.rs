@@ -126,6 +126,8 @@ fn steps_of_every_kind_are_repeated_bit_for_bit_with_both_kernel_variants() {
             GpuOptions { batch_steps: Some(16), ..plain },
             GpuOptions { batch_steps: Some(16), pair_capacity: Some(50), ..plain },
             GpuOptions { pair_capacity: Some(50), ..plain },
+            GpuOptions { unchecked_indices: Some(false), ..plain },
+            GpuOptions { unchecked_indices: Some(true), ..plain },
         ];
         let runs = variants.map(|options| {
             let mut backend = gpu(options)?;

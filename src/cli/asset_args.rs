@@ -5,7 +5,7 @@ use litetex_exporters::ply::PlyUp;
 use litetex_exporters::spz::{SpzOptions, SpzVersion};
 use litetex_exporters::{Cameras, Format, Quality};
 use litetex_gs::console::values::{numbers, parse_bytes, parse_decibels, whole};
-use litetex_gs::verify::RateGoal;
+use litetex_gs::verify::{PASSES_PER_EFFORT, RateGoal};
 
 /// What is written of a scene, and how.
 #[derive(Clone, Debug, Default, clap::Args)]
@@ -156,7 +156,7 @@ impl AssetArgs {
             quality: self.quality(),
             max_bytes: self.max_size,
             max_loss_db: self.max_loss,
-            passes: 2 * (u32::from(self.effort.unwrap_or(1)) - 1),
+            passes: PASSES_PER_EFFORT * (u32::from(self.effort.unwrap_or(1)) - 1),
         }
     }
 }

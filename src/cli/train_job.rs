@@ -127,18 +127,8 @@ impl Resume {
     /// # Errors
     /// [`Error::Usage`], or [`Error::InvalidInput`] for a checkpoint that does not match the capture.
     pub fn check(&self, config: &RunConfig, capture: &Capture) -> Result<()> {
-        let fixed = [
-            "sh-degree",
-            "policy",
-            "seed",
-            "init",
-            "max-points",
-            "sweep",
-            "start",
-            "backdrop",
-            "exposure",
-            "filter",
-        ];
+        let fixed =
+            ["sh-degree", "policy", "seed", "init", "max-points", "sweep", "backdrop", "exposure", "filter"];
         let section = |key: &String| key.split('.').next().map(str::to_owned).unwrap_or_default();
         if let Some(name) = self.changed.iter().find(|key| fixed.contains(&section(key).as_str())) {
             return Err(usage!(
@@ -149,6 +139,14 @@ impl Resume {
             return Err(usage!(
                 "--steps {}: the checkpoint is already at step {}",
                 config.train.last_step(),
+                self.state.step
+            ));
+        }
+        let is_done = self.state.step == config.train.last_step();
+        if is_done && self.changed.iter().any(|key| key == "max-bytes") {
+            return Err(usage!(
+                "--max-size: the run has all of its {} steps already; give it more with --steps, or make a file of that size with \
+                 litetex export --max-size",
                 self.state.step
             ));
         }

@@ -2,6 +2,8 @@
 
 use super::shader::{GROUP, MAX_GROUPS};
 use crate::{Error, Result};
+#[cfg(not(target_vendor = "apple"))]
+use ash::vk;
 use std::sync::OnceLock;
 
 /// An adapter that can run the kernels.
@@ -28,7 +30,20 @@ impl AdapterChoice {
         #[cfg(not(target_vendor = "apple"))]
         // SAFETY: the adapter is only asked, not destroyed.
         unsafe { self.adapter.as_hal::<wgpu::hal::api::Vulkan>() }.is_some_and(|adapter| {
-            adapter.physical_device_capabilities().supports_extension(c"VK_EXT_robustness2")
+            let instance = adapter.shared_instance();
+            let mut robustness = vk::PhysicalDeviceRobustness2FeaturesEXT::default();
+            let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut robustness);
+            if instance.instance_api_version() < vk::API_VERSION_1_1
+                || !adapter.physical_device_capabilities().supports_extension(c"VK_EXT_robustness2")
+            {
+                return false;
+            }
+            // SAFETY: the physical device is one of this instance, which has this function from version 1.1 on.
+            unsafe {
+                let device = adapter.raw_physical_device();
+                instance.raw_instance().get_physical_device_features2(device, &mut features);
+            }
+            robustness.robust_buffer_access2 == vk::TRUE
         })
     }
 }

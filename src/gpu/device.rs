@@ -97,6 +97,9 @@ pub struct GpuDevice {
     work: Arc<WorkCounters>,
 }
 
+/// What a run without room for a buffer may try.
+const LESS: &str = "use fewer splats, smaller maps or smaller images, or the device \"cpu\"";
+
 /// Bytes between entries that are bound at dynamic offsets: a multiple of 256, the largest alignment that a
 /// device may require.
 pub(super) const UNIFORM_STRIDE: u64 = 512;
@@ -253,8 +256,7 @@ impl GpuDevice {
                 mib(bytes),
                 mib(most)
             );
-            let remedy = "use fewer splats, smaller maps or smaller images, or the device \"cpu\"";
-            return Err(self.full(&needed, Some(remedy)));
+            return Err(self.full(&needed, Some(LESS)));
         }
         self.allocate(&wgpu::BufferDescriptor {
             label: Some(what),
@@ -283,7 +285,9 @@ impl GpuDevice {
         match (invalid, memory) {
             (Some(error), _) => Err(self.error(&message(&error))),
             // A lost device has no memory either.
-            (None, Some(error)) => self.check_alive().and_then(|()| Err(self.full(&message(&error), None))),
+            (None, Some(error)) => {
+                self.check_alive().and_then(|()| Err(self.full(&message(&error), Some(LESS))))
+            }
             (None, None) => Ok(buffer),
         }
     }

@@ -16,9 +16,12 @@ const PIXEL_FLOATS: u64 = 9;
 /// Bytes per pixel of the records that the distortion and normal terms need.
 const GEOMETRY_PIXEL_BYTES: u64 = 48;
 
+/// Numbers of a pair in the largest array that a kernel indexes by pair.
+const MOST_PAIR_FLOATS: u64 = PAIR_SUMS_GEOMETRY as u64;
+
 /// Largest number of pairs that fit into buffers of `buffer_bytes`, with `pair_bytes` each. Their partial sums need not fit at once.
 pub(super) fn max_pairs(buffer_bytes: u64, pair_bytes: u64) -> u64 {
-    buffer_bytes / 16 * 16 / pair_bytes
+    (buffer_bytes / 16 * 16 / pair_bytes).min(u64::from(u32::MAX) / MOST_PAIR_FLOATS)
 }
 
 /// Limits of a device whose storage buffers may have `buffer_bytes`, and hold `max_pairs` pairs.

@@ -23,9 +23,9 @@ const GEOMETRY_BYTES: [u64; 2] = [16, 80];
 const SPLAT_BYTES: u64 = 330;
 /// Bytes of a texel besides its values and their moments: gradient and activated texel.
 const TEXEL_BYTES: u64 = 28;
-/// Copies of the parameters and moments at most: a density-control step holds the model before and after it, and both may be kept
-/// over a round of pruning.
-const STATES: u64 = 3;
+/// Copies of the parameters and moments at most: a trial of a merge holds the model before and after it, while a round of pruning keeps
+/// the states before the round and before the trial.
+const STATES: u64 = 4;
 /// Photos on the device, at most.
 const PHOTOS_BYTES: u64 = 2 << 30;
 

@@ -28,7 +28,7 @@ pub use identity::{
     store_metric, store_up, up_from_strings,
 };
 pub use limits::QualityLimits;
-pub use rate_distortion::{Backends, RateGoal, Rounding, find_rounding};
+pub use rate_distortion::{Backends, PASSES_PER_EFFORT, RateGoal, Rounding, find_rounding};
 pub use renderer::{GoOn, SceneRenderer, to_display};
 pub use sh_bits::{find_sh_bits, sh_bits_views};
 pub use verdict::{ExpectedImages, PhotoPsnr, ReadBack, Verdict, verify};

@@ -26,6 +26,9 @@ const USED_SHARE: f64 = 0.95;
 /// Margin to the least PSNR, for other views.
 const PSNR_MARGIN: f64 = 0.2;
 
+/// Passes of the closed loop for each `--effort` beyond the first.
+pub const PASSES_PER_EFFORT: u32 = 2;
+
 /// What a `.ltgs` file should keep to.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RateGoal {
@@ -58,7 +61,8 @@ impl RateGoal {
             passes => (1 + passes as usize) * measured + confirmations,
         };
         if self.max_bytes.is_some() {
-            return before + 2 * confirmations + closed(2 * confirmations);
+            let compared = 1 + self.passes.div_ceil(PASSES_PER_EFFORT) as usize;
+            return before + 2 * confirmations + closed(compared * confirmations);
         }
         // What the file guarantees, where a bound replaces the limits of its quality.
         let found = if self.max_loss_db.is_some() { 2 * confirmations } else { 0 };
@@ -341,18 +345,24 @@ impl<'a> Search<'a> {
         let (scaled, asset) = (self.scaled, self.asset);
         let open = finest_that_fits(asset, quality, scaled, most)?;
         let mut closed = self.closed_loop((backends, sensitivities), views)?;
-        let mut adapted = asset.clone();
-        for _ in 0..passes {
-            let now = rounded(&adapted, &scaled.steps(open), scaled.per_splat)?;
-            closed.pass(&mut adapted, &now)?;
-        }
-        drop(closed);
-        let factor = finest_that_fits(&adapted, quality, scaled, most)?;
         let mut error = |asset: &SplatAsset, factor: f64| -> Result<f64> {
             let errors = self.errors(asset, &scaled.steps(factor))?;
             Ok(errors.map_or(f64::INFINITY, |errors| errors.iter().sum()))
         };
-        Ok((error(&adapted, factor)? < error(asset, open)?).then_some(adapted))
+        let (mut best, mut least) = (None, error(asset, open)?);
+        let mut adapted = asset.clone();
+        for pass in 1..=passes {
+            let now = rounded(&adapted, &scaled.steps(open), scaled.per_splat)?;
+            closed.pass(&mut adapted, &now)?;
+            // What each effort would end with: later passes may be worse, since the steps then have to be coarser.
+            if pass.is_multiple_of(PASSES_PER_EFFORT) || pass == passes {
+                let found = error(&adapted, finest_that_fits(&adapted, quality, scaled, most)?)?;
+                if found < least {
+                    (best, least) = (Some(adapted.clone()), found);
+                }
+            }
+        }
+        Ok(best)
     }
 
     /// A closed loop towards the images of the scene at these views.
