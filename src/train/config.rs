@@ -106,9 +106,9 @@ pub fn params_for_bytes(splat_bytes: f64) -> usize {
     (splat_bytes / BYTES_PER_PARAM) as usize
 }
 
-/// Most parameters for each step of a run with a wanted size, of 1,000 steps or more: others are not trained by its end (measured:
-/// lab/choices.md 24).
-const PARAMS_PER_STEP: usize = 300;
+/// Most parameters for each step of a run with a wanted size, of 1,000 steps or more: more take a third more time and gain
+/// gradient-PSNR only (measured: lab/choices.md 24).
+const PARAMS_PER_STEP: usize = 600;
 
 /// Settings of a training run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -202,6 +202,12 @@ impl TrainConfig {
         let steps = self.last_step().max(1_000) as usize;
         let trainable = self.max_bytes.map(|_| PARAMS_PER_STEP.saturating_mul(steps));
         [self.budget.max_params, trainable].into_iter().flatten().min()
+    }
+
+    /// What bounds the parameters, as messages name it.
+    pub fn params_bound(&self) -> &'static str {
+        // With a size, the budget follows from it unless it is given.
+        if self.max_bytes.is_some() { "the budget of --max-size" } else { "--budget-params" }
     }
 
     /// Checks the changes of the length: in order, each before the end that it moves.

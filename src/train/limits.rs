@@ -1,7 +1,6 @@
 //! Whether a device can hold a run, checked before the first step so that a run does not fail halfway.
 
 use super::config::TrainConfig;
-use super::density::Budget;
 use super::schedule::Schedule;
 use crate::backend::{Backend, DeviceLimits, SceneShape};
 use crate::model::{MAP_PARAMS, Model, ModelSize, TEXEL_PARAMS, splat_params};
@@ -25,7 +24,7 @@ pub fn check_limits(
     let budget = Schedule::new(config, views.indices(Split::Train).len()).budget(config, 0);
     let bounds = [
         ("budget.max-splats", "splats", bare.splats, budget.max_splats),
-        ("--budget-params", "parameters besides its maps", bare.params(), budget.max_params),
+        (config.params_bound(), "parameters besides its maps", bare.params(), budget.max_params),
     ];
     for (flag, what, holds, most) in bounds {
         if let Some(most) = most.filter(|most| holds > *most) {
@@ -39,7 +38,7 @@ pub fn check_limits(
     let shape = SceneShape { sh_degree, geometry: config.loss.needs_geometry() };
     let limits = backend.limits(shape);
     let mut misfits = of_model(model, &limits);
-    misfits.extend(of_budget(&config.budget, sh_degree, &limits));
+    misfits.extend(of_budget(config, sh_degree, &limits));
     misfits.extend(of_views(views, &limits));
     if misfits.is_empty() {
         return Ok(limits);
@@ -68,7 +67,8 @@ fn of_model(model: &Model, limits: &DeviceLimits) -> Vec<String> {
     out
 }
 
-fn of_budget(budget: &Budget, sh_degree: u32, limits: &DeviceLimits) -> Vec<String> {
+fn of_budget(config: &TrainConfig, sh_degree: u32, limits: &DeviceLimits) -> Vec<String> {
+    let budget = &config.budget;
     let each = (splat_params(sh_degree) + MAP_PARAMS) as u64;
     let texels = limits.max_texels.saturating_mul(TEXEL_PARAMS as u64);
     let params = limits.max_splats.saturating_mul(each).saturating_add(texels);
@@ -76,7 +76,7 @@ fn of_budget(budget: &Budget, sh_degree: u32, limits: &DeviceLimits) -> Vec<Stri
         ("budget.max-splats", "splats", budget.max_splats, limits.max_splats),
         ("budget.max-texels", "texels", budget.max_texels, limits.max_texels),
         // The parameters of the largest model that fits.
-        ("--budget-params", "parameters", budget.max_params, params),
+        (config.params_bound(), "parameters", config.most_params(), params),
     ];
     let too_large = bounds.into_iter().filter_map(|(flag, what, asked, most)| {
         let asked = asked.filter(|&asked| asked as u64 > most)?;
@@ -117,6 +117,7 @@ mod tests {
     use crate::camera::Camera;
     use crate::model::ModelSize;
     use crate::selftest::{SceneOptions, random_scene};
+    use crate::train::density::Budget;
     use crate::views::Split;
     use std::sync::Arc;
 
@@ -157,17 +158,15 @@ mod tests {
     #[test]
     fn budgets_above_the_limits_are_reported_with_counts() {
         let params = 50 * 60 + 3 * 400;
+        let allowing = |budget| of_budget(&TrainConfig { budget, ..TrainConfig::default() }, 3, &LIMITS);
         let budget = |splats, texels, params| Budget {
             max_splats: Some(splats),
             max_texels: Some(texels),
             max_params: Some(params),
         };
-        assert!(of_budget(&budget(50, 400, params), 3, &LIMITS).is_empty());
-        assert!(
-            of_budget(&Budget::default(), 3, &LIMITS).is_empty(),
-            "without a budget the device is the bound"
-        );
-        let all = of_budget(&budget(51, 401, params + 1), 3, &LIMITS);
+        assert!(allowing(budget(50, 400, params)).is_empty());
+        assert!(allowing(Budget::default()).is_empty(), "without a budget the device is the bound");
+        let all = allowing(budget(51, 401, params + 1));
         for (text, parts) in
             all.iter().zip([["51 splats", "most 50"], ["401 texels", "most 400"], ["4201", "4200"]])
         {

@@ -394,18 +394,18 @@ mod tests {
             assert_eq!(last, config.most_params(), "{steps} steps");
             last
         };
-        let [small, large] = [Some(200_000), Some(900_000)];
+        let [small, large] = [Some(200_000), Some(1_800_000)];
         let size = Some(200_000_u64);
         assert_eq!(
             [1_000, 2_000, 3_000].map(|steps| most(steps, large, size)),
-            [300_000, 600_000, 900_000].map(Some)
+            [600_000, 1_200_000, 1_800_000].map(Some)
         );
         assert_eq!(most(1_000, small, size), small, "a budget below is kept");
         assert_eq!(most(1_000, large, None), large, "only with a wanted size");
         // A time that changes the length changes the bound.
         let longer =
             TrainConfig { max_bytes: size, steps: 1_000, plan: vec![[500, 2_000]], ..TrainConfig::default() };
-        assert_eq!(longer.most_params(), Some(600_000));
+        assert_eq!(longer.most_params(), Some(1_200_000));
     }
 
     #[test]
