@@ -233,8 +233,8 @@ fn a_training_keeps_two_submissions_in_flight() {
         Some((state.model, meter().overlapping))
     };
     let (Some((one, alone)), Some((two, overlapping))) = (trained(Some(1)), trained(None)) else { return };
-    assert_eq!(alone, 0);
-    assert!(overlapping > 0 && one == two, "{overlapping}");
+    // Rounds of pruning overlap in both.
+    assert!(overlapping > alone && one == two, "{overlapping}, {alone}");
 }
 
 /// The splats in one plane across the first view, where neighbours can merge.

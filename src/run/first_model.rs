@@ -5,7 +5,7 @@ use super::init_source::InitSource;
 use crate::capture::Capture;
 use crate::init::{InitInput, InitOptions, InitialModel, initial_model};
 use crate::model::{ModelSize, splat_params};
-use crate::text::{counted, format_count};
+use crate::text::counted;
 use crate::train::density::Budget;
 use crate::train::{Backdrop, Schedule, TrainConfig, TrainState};
 use crate::views::{Split, ViewSource as _};
@@ -99,8 +99,8 @@ fn bounded_start(config: &TrainConfig, budget: &Budget, num_splats: usize) -> Op
     let (flag, each) = if by_texels <= by_params {
         (format!("budget.max-texels {}", max_texels.unwrap_or_default()), format!("{texels_each} texels"))
     } else {
-        let params = format_count(config.most_params().unwrap_or_default() as u64);
-        (format!("{} ({params} parameters)", config.params_bound()), format!("{params_each} parameters"))
+        let most = config.most_params().unwrap_or_default();
+        (config.named_bound(most), format!("{params_each} parameters"))
     };
     let splats = counted(num_splats, "splat");
     Some(format!(

@@ -235,10 +235,9 @@ fn over_budget(config: &TrainConfig, params: usize, was_due: bool) -> Option<Str
         "the run ended before its last round of pruning; give it more time, or fewer --steps"
     };
     Some(format!(
-        "the model has {} parameters, more than the {} of {}: {why}",
+        "the model has {} parameters, more than {}: {why}",
         format_count(params as u64),
-        format_count(most as u64),
-        config.params_bound()
+        config.named_bound(most)
     ))
 }
 

@@ -51,7 +51,8 @@ impl Charge {
         self.of_size(&model.size())
     }
 
-    fn of_size(&self, size: &ModelSize) -> f64 {
+    /// Charge of a model of this size.
+    pub fn of_size(&self, size: &ModelSize) -> f64 {
         self.splat * size.splats as f64
             + self.of_coefficients(size.sh_coefficients)
             + self.map * size.maps as f64

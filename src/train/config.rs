@@ -11,6 +11,7 @@ use crate::backend::LossWeights;
 use crate::constants::sh_coefficients;
 use crate::frequency::FrequencyOptions;
 use crate::model::{Filter, ModelSize};
+use crate::text::format_count;
 use serde::{Deserialize, Serialize};
 
 /// Whether large splats stand behind the points where training rays meet none.
@@ -208,6 +209,16 @@ impl TrainConfig {
     pub fn params_bound(&self) -> &'static str {
         // With a size, the budget follows from it unless it is given.
         if self.max_bytes.is_some() { "the budget of --max-size" } else { "--budget-params" }
+    }
+
+    /// The bound with its number.
+    pub fn named_bound(&self, params: usize) -> String {
+        let (bound, params) = (self.params_bound(), format_count(params as u64));
+        if self.max_bytes.is_some() {
+            format!("{bound} ({params} parameters)")
+        } else {
+            format!("{bound} {params}")
+        }
     }
 
     /// Checks the changes of the length: in order, each before the end that it moves.

@@ -26,8 +26,8 @@ const SH_TRIAL: f64 = 7_000.0;
 /// Views that a round probes, at most. A splat that only other views see would look idle.
 pub const MOST_PROBES: usize = 64;
 
-/// Share of the parameters to which growth is bounded where nothing is pruned after it, so that any model fits its file: splats
-/// without textures take the most bytes per parameter.
+/// Share of the parameters that a start may have where nothing is pruned after it, so that it fits its file: splats without textures and
+/// SH bands take the most bytes per parameter.
 const UNPRUNED_SHARE: f64 = 0.55;
 
 /// Steps of a run for each probe, unless it has only two rounds of pruning.
@@ -227,8 +227,9 @@ impl Schedule {
     pub fn budget(&self, config: &TrainConfig, step: u32) -> Budget {
         let grows = step < self.prune_until || self.rounds_left(step) > 0;
         let overshoot = if grows && self.prune_rounds > 0 { config.density.overshoot } else { 1.0 };
-        // Without rounds that leave what a file has room for, any model must fit.
-        let safe = if config.max_bytes.is_some() && self.prune_rounds == 0 { UNPRUNED_SHARE } else { 1.0 };
+        // Growth is then bounded by bytes.
+        let is_start = step == 0 && config.max_bytes.is_some() && self.prune_rounds == 0;
+        let safe = if is_start { UNPRUNED_SHARE } else { 1.0 };
         let raised = |most: usize| (most as f64 * overshoot * safe) as usize;
         Budget { max_params: config.most_params().map(raised), ..config.budget }
     }

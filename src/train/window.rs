@@ -50,6 +50,8 @@ pub(super) struct DensityControl<'a> {
     pub stage: Stage,
     /// Bound of the model where the budget has none.
     pub limits: DeviceLimits,
+    /// Bytes that a file of a wanted size has for splats.
+    pub splat_bytes: Option<f64>,
 }
 
 /// What a density-control step did.
@@ -205,6 +207,8 @@ impl DensityControl<'_> {
             timing,
             charge: Charge::for_file(config.max_bytes.is_some()),
             budget: state.device.within(&budget, &self.limits, n, self.stage.render_scale),
+            // Rounds of pruning leave what the file has room for; without any, growth must.
+            most_charge: self.splat_bytes.filter(|_| schedule.prune_rounds == 0).unwrap_or(f64::INFINITY),
             initial_splats: state.pace.initial,
             seed: RandomStream::Growth.seed(config.seed, step),
         };

@@ -68,21 +68,38 @@ pub fn without(size: ModelSize, planned: &PlannedSplat) -> ModelSize {
     }
 }
 
-/// What a revision has planned so far, within its budget.
+/// What the model may grow to.
+#[derive(Clone, Copy, Debug)]
+pub struct Bound {
+    /// Splats, texels, parameters.
+    pub budget: Budget,
+    /// What it is charged for.
+    pub charge: Charge,
+    /// Its largest charge.
+    pub most_charge: f64,
+}
+
+impl Bound {
+    fn allows(&self, size: &ModelSize) -> bool {
+        self.budget.allows(size) && self.charge.of_size(size) <= self.most_charge
+    }
+}
+
+/// What a revision has planned so far, within its bound.
 pub struct Plan {
     /// One per splat of the current model; `None`: pruned. A split replaces it by the first half.
     splats: Vec<Option<PlannedSplat>>,
     /// Second halves of the splats that were split.
     second_halves: Vec<PlannedSplat>,
     size: ModelSize,
-    budget: Budget,
+    bound: Bound,
 }
 
 impl Plan {
     /// Begins with the splats that were not pruned.
-    pub fn new(splats: Vec<Option<PlannedSplat>>, budget: Budget) -> Self {
+    pub fn new(splats: Vec<Option<PlannedSplat>>, bound: Bound) -> Self {
         let size = size_of(splats.iter().flatten());
-        Self { splats, second_halves: Vec::new(), size, budget }
+        Self { splats, second_halves: Vec::new(), size, bound }
     }
 
     /// The planned splat in the place of one of the model; `None`: it was pruned.
@@ -95,12 +112,12 @@ impl Plan {
         self.size.splats
     }
 
-    /// Puts what a splat grows into, or its two halves, in its place, if the budget allows it; returns whether it did.
+    /// Puts what a splat grows into, or its two halves, in its place, if the bound allows it; returns whether it did.
     pub fn replace(&mut self, splat: usize, parts: &[PlannedSplat]) -> bool {
         let Some(old) = &self.splats[splat] else { return false };
         let size = parts.iter().fold(without(self.size, old), with);
         let [first, second @ ..] = parts else { return false };
-        if !self.budget.allows(&size) {
+        if !self.bound.allows(&size) {
             return false;
         }
         self.size = size;

@@ -1,6 +1,7 @@
 //! What a density-control step is decided from, and what comes of it.
 
 use super::history::SplatHistory;
+use super::plan::Bound;
 use super::settings::{Budget, Components, DensityConfig};
 use super::sizes::MapRule;
 use crate::backend::{DensityPlan, WindowStatistics};
@@ -37,10 +38,19 @@ pub struct Situation<'a> {
     pub charge: Charge,
     /// Bounds of the model after the step.
     pub budget: Budget,
+    /// Largest charge of the model after the step.
+    pub most_charge: f64,
     /// Number of splats at initialisation.
     pub initial_splats: usize,
     /// Seed of what is random in the step.
     pub seed: u64,
+}
+
+impl Situation<'_> {
+    /// What the model may grow to.
+    pub fn bound(&self) -> Bound {
+        Bound { budget: self.budget, charge: self.charge, most_charge: self.most_charge }
+    }
 }
 
 /// What the timetable allows in a density-control step.

@@ -306,6 +306,7 @@ impl Trainer<'_> {
             cameras: &self.cameras,
             stage: self.stage,
             limits: self.limits,
+            splat_bytes: self.rounder.as_ref().map(|rounder| rounder.splat_bytes()),
         };
         let revised = density.step(self.backend, &mut self.state, self.size, use_statistics)?;
         self.size = revised.size;

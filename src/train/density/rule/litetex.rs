@@ -90,7 +90,7 @@ pub fn revise(s: &Situation<'_>) -> Revision {
     let Some(mut prepared) = preparation.prepare(s) else { return Revision::none(s) };
     let offers = if s.timing.grows { all_offers(s, &mut prepared) } else { Vec::new() };
     let Prepared { planned, mut counts, .. } = prepared;
-    let mut plan = Plan::new(planned, s.budget);
+    let mut plan = Plan::new(planned, s.bound());
     take(s, &offers, &mut plan, &mut counts);
     plan.finish(s.model, counts)
 }

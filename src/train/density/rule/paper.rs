@@ -46,7 +46,7 @@ pub fn revise(s: &Situation<'_>, variant: &Variant) -> Revision {
     let mut order: Vec<usize> =
         (0..planned.len()).filter(|&splat| high_error[splat] && planned[splat].is_some()).collect();
     order.sort_by(|&a, &b| scores.error[b].total_cmp(&scores.error[a]).then(a.cmp(&b)));
-    let mut plan = Plan::new(planned, s.budget);
+    let mut plan = Plan::new(planned, s.bound());
     for splat in order {
         grow(s, variant, splat, pixels[splat], &mut plan, &mut counts);
     }

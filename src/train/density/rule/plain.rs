@@ -58,7 +58,7 @@ pub fn revise(s: &Situation<'_>) -> Revision {
         bands.extend(band::test(s, &scores, &mut parent, &mut counts).map(|saved| (saved, splat)));
         planned[splat] = Some(parent);
     }
-    let mut plan = Plan::new(planned, s.budget);
+    let mut plan = Plan::new(planned, s.bound());
     bands.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     for (_, splat) in bands {
         let gained = plan.splat(splat).map(band::gained);

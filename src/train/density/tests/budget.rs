@@ -53,6 +53,19 @@ fn splits_are_limited_in_number_and_by_the_budget() {
     let cost = (size_after(&model, &all).params() - before.params()) / 2;
     let splats = |more| size_after(&model, &revise(None, before.params() + more)).splats;
     assert_eq!([cost - 1, cost, 2 * cost].map(splats), [N, N + 1, N + 2]);
+
+    // The same by bytes, in a run whose file has a wanted size and which prunes nothing.
+    let charge = Charge::BYTES;
+    let [before, one, two] =
+        [&before, &size_after(&model, &revise(None, before.params() + cost)), &size_after(&model, &all)]
+            .map(|size| charge.of_size(size));
+    let splats = |most_charge| {
+        let timing = Timing { split_texels: None, max_splits: 2, ..TIMING };
+        let s = situation(&model, &histories, &statistics, &cameras, &config);
+        size_after(&model, &litetex::revise(&Situation { timing, charge, most_charge, ..s })).splats
+    };
+    assert_eq!([before, one, two].map(splats), [N, N + 1, N + 2]);
+    assert_eq!(splats(f64::INFINITY), N + 2, "negative control: no bound");
 }
 
 #[test]

@@ -90,6 +90,7 @@ fn situation<'a>(
         timing: TIMING,
         charge: Charge::PARAMS,
         budget: Budget::default(),
+        most_charge: f64::INFINITY,
         initial_splats: 0,
         seed: 0,
     }

@@ -186,7 +186,7 @@ fn deviation_of_halves(opacity: f32, over_a_splat: bool, profile: Profile) -> f6
         texels: 0,
         sh_degree: 0,
     };
-    let mut plan = Plan::new(vec![Some(planned(0)), Some(planned(1))], Budget::default());
+    let mut plan = Plan::new(vec![Some(planned(0)), Some(planned(1))], s.bound());
     assert!(plan.replace(0, &split_any(&s, profile, &planned(0))));
     let halved = plan.finish(&model, DensityCounts::default()).plan.unwrap();
 
