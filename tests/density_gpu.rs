@@ -72,6 +72,7 @@ fn decided(backend: &mut dyn Backend, histories: &[SplatHistory], cameras: &[Cam
         },
         charge: Charge::PARAMS,
         budget: Budget::default(),
+        most_charge: f64::INFINITY,
         initial_splats: model.num_splats(),
         seed: 0,
     };
