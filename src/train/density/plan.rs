@@ -2,7 +2,7 @@
 
 use super::geometry::morton_codes;
 use super::history::SplatHistory;
-use super::settings::Budget;
+use super::settings::Bound;
 use super::situation::{DensityCounts, Revision};
 use super::sizes::Sizes;
 use crate::backend::{DensityPlan, MapChange, SplatEdit};
@@ -65,23 +65,6 @@ pub fn without(size: ModelSize, planned: &PlannedSplat) -> ModelSize {
         sh_coefficients: size.sh_coefficients - sh_coefficients(planned.sh_degree.into()),
         maps: size.maps - usize::from(planned.texels > 0),
         texels: size.texels - planned.texels,
-    }
-}
-
-/// What the model may grow to.
-#[derive(Clone, Copy, Debug)]
-pub struct Bound {
-    /// Splats, texels, parameters.
-    pub budget: Budget,
-    /// What it is charged for.
-    pub charge: Charge,
-    /// Its largest charge.
-    pub most_charge: f64,
-}
-
-impl Bound {
-    fn allows(&self, size: &ModelSize) -> bool {
-        self.budget.allows(size) && self.charge.of_size(size) <= self.most_charge
     }
 }
 

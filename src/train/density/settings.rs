@@ -4,6 +4,7 @@
 
 use crate::backend::DeviceLimits;
 use crate::model::ModelSize;
+use crate::train::charge::Charge;
 use serde::{Deserialize, Serialize};
 
 /// Parts of the method that can be switched off one by one. Default: all on (method 6).
@@ -205,5 +206,23 @@ impl Budget {
         by(self.max_splats, 1)
             .min(texels)
             .min(by(self.max_params, ModelSize::uniform(1, texels_each, sh_degree).params()))
+    }
+}
+
+/// What the model may grow to.
+#[derive(Clone, Copy, Debug)]
+pub struct Bound {
+    /// Splats, texels, parameters.
+    pub budget: Budget,
+    /// What it is charged for.
+    pub charge: Charge,
+    /// Its largest charge.
+    pub most_charge: f64,
+}
+
+impl Bound {
+    /// Whether a model of this size is within the bound.
+    pub fn allows(&self, size: &ModelSize) -> bool {
+        self.budget.allows(size) && self.charge.of_size(size) <= self.most_charge
     }
 }

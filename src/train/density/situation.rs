@@ -1,8 +1,7 @@
 //! What a density-control step is decided from, and what comes of it.
 
 use super::history::SplatHistory;
-use super::plan::Bound;
-use super::settings::{Budget, Components, DensityConfig};
+use super::settings::{Bound, Budget, Components, DensityConfig};
 use super::sizes::MapRule;
 use crate::backend::{DensityPlan, WindowStatistics};
 use crate::camera::Camera;
