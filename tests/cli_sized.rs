@@ -56,6 +56,12 @@ fn a_run_of_a_wanted_size_ends_with_that_file() {
     let config = place.path("run/config.toml");
     good(&["train", "--config", &config, "-o", &repeated, "--device", "cpu", "-q"]);
     assert_eq!(fs::read(place.path("repeated/scene.ltgs")).unwrap(), bytes);
+    // Nothing is left to train for another size.
+    let settings = fs::read(&config).unwrap();
+    let (code, message) = bad(&["train", "--resume", &run, "--max-size", "12kB", "--device", "cpu", "-q"]);
+    assert!(code == 2 && message.contains("has all of its 240 steps"), "{code}: {message}");
+    let now = |file: &str| fs::read(place.path(file)).unwrap();
+    assert!(now("run/scene.ltgs") == bytes && now("run/config.toml") == settings, "the run is as it was");
 }
 
 #[test]
