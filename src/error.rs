@@ -60,7 +60,7 @@ pub enum Error {
     /// The device failed or is too small: memory, limits, driver.
     #[error("{}", text::message(.0))]
     Device(String),
-    /// The device has no room for what was asked of it, and holds what it held before.
+    /// The device has no room for what was asked of it. Except where a function says otherwise, it holds what it held before.
     #[error("{}", text::message(&.0.to_string()))]
     DeviceFull(NoRoom),
     /// A check ran and failed.

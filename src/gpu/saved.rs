@@ -22,7 +22,7 @@ impl Saved {
     /// Copies the state.
     ///
     /// # Errors
-    /// [`crate::Error::Device`] if memory fails.
+    /// [`Error::DeviceFull`] if memory does not suffice.
     pub(super) fn of(backend: &GpuBackend) -> Result<Self> {
         let state = STATE.map(|name| (name, backend.resources.buffer(name).clone())).to_vec();
         Ok(Self {
@@ -34,6 +34,9 @@ impl Saved {
     }
 
     /// Copies of the buffers, and those derived from them.
+    ///
+    /// # Errors
+    /// [`Error::DeviceFull`] if memory does not suffice.
     fn copied(&self, device: &GpuDevice) -> Result<NewBuffers> {
         let mut made = model_buffers::copies(device, &self.buffers)?;
         made.extend(model_buffers::derived(device, self.shape.num_splats(), self.shape.num_texels())?);
@@ -49,7 +52,8 @@ impl Saved {
     /// Puts the state back. Where memory does not even suffice in place of the present state, no model is left.
     ///
     /// # Errors
-    /// [`crate::Error::Usage`] if another backend saved it, [`crate::Error::Device`] if memory fails.
+    /// [`Error::Usage`] if another backend saved it, [`Error::DeviceFull`] if memory does not suffice, [`Error::Device`] if the device
+    /// fails.
     pub(super) fn restore(&self, backend: &mut GpuBackend) -> Result<()> {
         if backend.device.id() != self.device {
             return Err(usage!("{}: another backend saved this state", backend.device.choice.name));

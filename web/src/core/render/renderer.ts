@@ -41,7 +41,7 @@ export interface DrawOptions {
 /** What the context holds besides the scene. */
 interface Tools {
     readonly order: Order;
-    /** By their variants, made when they are first needed. */
+    /** By their variants: that of trained colours is made at once, while the file downloads, others when they are first needed. */
     readonly programs: Map<string, Program>;
     readonly resolve: Program;
     readonly vertexArray: WebGLVertexArrayObject;
@@ -175,7 +175,8 @@ export class SplatRenderer {
         gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, new Uint16Array(batchIndices()), gl.STATIC_DRAW);
         gl.bindVertexArray(null);
         const order: Order = new Order((made) => this.setOrder(made));
-        return { order, programs: new Map(), resolve: resolveProgram(gl), vertexArray, indices, format };
+        const defines = options.defines ?? '';
+        return { order, programs: new Map([[defines, splatProgram(gl, defines)]]), resolve: resolveProgram(gl), vertexArray, indices, format };
     }
 
     /** Everything that was in the context has gone with it. */
