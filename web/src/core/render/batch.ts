@@ -13,3 +13,30 @@ export function batchIndices(): number[] {
 export function batchesOf(splats: number): number {
     return Math.ceil(splats / SPLATS_PER_BATCH);
 }
+
+/** Draws quads without attributes: the vertex shader finds its splat by instance and vertex. */
+export class Batches {
+    private readonly vertexArray: WebGLVertexArrayObject;
+    private readonly indices: WebGLBuffer;
+
+    constructor(private readonly gl: WebGL2RenderingContext) {
+        this.vertexArray = gl.createVertexArray()!;
+        this.indices = gl.createBuffer()!;
+        gl.bindVertexArray(this.vertexArray);
+        gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, this.indices);
+        gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, new Uint16Array(batchIndices()), gl.STATIC_DRAW);
+        gl.bindVertexArray(null);
+    }
+
+    draw(splats: number): void {
+        const { gl } = this;
+        gl.bindVertexArray(this.vertexArray);
+        gl.drawElementsInstanced(gl.TRIANGLES, 6 * SPLATS_PER_BATCH, gl.UNSIGNED_SHORT, 0, batchesOf(splats));
+        gl.bindVertexArray(null);
+    }
+
+    dispose(): void {
+        this.gl.deleteBuffer(this.indices);
+        this.gl.deleteVertexArray(this.vertexArray);
+    }
+}

@@ -29,6 +29,12 @@ export class SplatBuffers {
     /** How much larger the first `grown` splats are drawn. */
     growth = 1;
     grown = 0;
+    /** Changes with the splats. */
+    version = 0;
+    /** Splats that are as they were when somebody last set this. */
+    unchanged = 0;
+    /** Rows + 65536 columns of each map. */
+    readonly sides: Uint32Array;
     readonly capacity: number;
     /** Coefficients and texels before each splat, and behind the last. */
     private readonly coefficientsBefore: Uint32Array;
@@ -46,6 +52,7 @@ export class SplatBuffers {
         this.texels = new Pool(gl, format, Math.min(info.texels, room));
         this.coefficientsBefore = new Uint32Array(this.capacity + 1);
         this.texelsBefore = new Uint32Array(this.capacity + 1);
+        this.sides = new Uint32Array(this.capacity);
     }
 
     get bytes(): number {
@@ -66,10 +73,13 @@ export class SplatBuffers {
             const at = first + kept;
             const more = splats.rows[kept] * splats.cols[kept];
             if (texels[at] + more > room) break;
+            this.sides[at] = splats.rows[kept] + 65536 * splats.cols[kept];
             texels[at + 1] = texels[at] + more;
             coefficients[at + 1] = coefficients[at] + (splats.shDegrees[kept] + 1) ** 2;
         }
         this.count = first + kept;
+        this.unchanged = Math.min(this.unchanged, first);
+        this.version++;
         this.grow(update);
         const words = packSplats(splats, coefficients[first], texels[first]);
         this.splats.write(first * WORDS_PER_SPLAT / 4, words.subarray(0, kept * WORDS_PER_SPLAT));

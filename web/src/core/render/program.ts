@@ -1,17 +1,39 @@
 /** Shaders of WebGL2. */
 
+import bakeFragment from './shaders/bake.frag.glsl?raw';
+import bakeVertex from './shaders/bake.vert.glsl?raw';
+import colour from './shaders/colour.glsl?raw';
+import project from './shaders/project.glsl?raw';
+import quadFragment from './shaders/quad.frag.glsl?raw';
+import quadVertex from './shaders/quad.vert.glsl?raw';
+import recordFragment from './shaders/record.frag.glsl?raw';
 import resolveFragment from './shaders/resolve.frag.glsl?raw';
 import resolveVertex from './shaders/resolve.vert.glsl?raw';
 import splatFragment from './shaders/splat.frag.glsl?raw';
 import splatVertex from './shaders/splat.vert.glsl?raw';
 import { SPLATS_PER_BATCH } from './batch';
 import { COLOURS } from './colours';
+import { NO_PLACE } from './layout';
+import { Pool } from './pool';
 
-const VALUES = { SPLATS_PER_BATCH, ...Object.fromEntries(Object.entries(COLOURS).map(([name, value]) => [`COLOURS_${name.toUpperCase()}`, value])) };
+/** Columns of the textures that hold records. */
+export const RECORDS_PER_ROW = 1024;
+/** Bits of a splat's index in its record; the rest of 32 say which copy of its map is drawn. */
+const SPLAT_BITS = 26;
+
+const VALUES = {
+    SPLATS_PER_BATCH,
+    RECORDS_PER_ROW,
+    SPLAT_BITS,
+    SPLAT_MASK: `${2 ** SPLAT_BITS - 1}u`,
+    NO_MAP: `${2 ** (32 - SPLAT_BITS) - 1}u`,
+    NO_PLACE: `${NO_PLACE}u`,
+    ...Object.fromEntries(Object.entries(COLOURS).map(([name, value]) => [`COLOURS_${name.toUpperCase()}`, value])),
+};
 const DEFINES = Object.entries(VALUES).map(([name, value]) => `#define ${name} ${value}\n`).join('');
 
-/** Sources of the splats' shaders without `#version`, which programs such as three.js add themselves. */
-export const SPLAT_SHADERS = { vertex: DEFINES + splatVertex, fragment: DEFINES + splatFragment } as const;
+/** Sources of the exact path's shaders without `#version`, which programs such as three.js add themselves. */
+export const SPLAT_SHADERS = { vertex: DEFINES + project + splatVertex, fragment: DEFINES + colour + splatFragment } as const;
 
 export class Program {
     readonly program: WebGLProgram;
@@ -38,14 +60,40 @@ export class Program {
         return this.locations.get(name)!;
     }
 
+    /** Binds textures by the names of their samplers, to units from `firstUnit` on. The program must be in use. */
+    textures(named: Readonly<Record<string, Pool | WebGLTexture>>, firstUnit = 0): void {
+        const { gl } = this;
+        Object.entries(named).forEach(([name, texture], i) => {
+            gl.activeTexture(gl.TEXTURE0 + firstUnit + i);
+            gl.bindTexture(gl.TEXTURE_2D, texture instanceof Pool ? texture.texture : texture);
+            gl.uniform1i(this.uniform(name), firstUnit + i);
+        });
+    }
+
     dispose(): void {
         this.gl.deleteProgram(this.program);
     }
 }
 
-/** The splats' program in a variant, which lines of `#define` tell. */
+/** The exact path's program in a variant, which lines of `#define` tell. */
 export function splatProgram(gl: WebGL2RenderingContext, defines: string): Program {
     return new Program(gl, SPLAT_SHADERS.vertex, defines + SPLAT_SHADERS.fragment);
+}
+
+/** Projects splats into records. */
+export function recordProgram(gl: WebGL2RenderingContext): Program {
+    return new Program(gl, resolveVertex, DEFINES + project + recordFragment);
+}
+
+/** Draws records, in a variant. */
+export function quadProgram(gl: WebGL2RenderingContext, variant: string): Program {
+    const defines = variant ? `${variant}#define EXACT_DEPTH\n` : '';
+    return new Program(gl, DEFINES + defines + quadVertex, defines + colour + quadFragment);
+}
+
+/** Fills the atlas. */
+export function bakeProgram(gl: WebGL2RenderingContext): Program {
+    return new Program(gl, DEFINES + bakeVertex, bakeFragment);
 }
 
 export function resolveProgram(gl: WebGL2RenderingContext): Program {

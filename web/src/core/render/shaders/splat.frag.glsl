@@ -1,8 +1,4 @@
-// One sample of a splat: exporters/schema/gltf.md, section 6, steps 2 to 7. Premultiplied, for blending from back to front.
-precision highp float;
-precision highp int;
-precision highp sampler2D;
-
+// The exact path: one sample of a splat, exporters/schema/gltf.md, section 6, steps 2 to 7. Premultiplied, for blending from back to front.
 const float ALPHA_MIN = 1.0 / 255.0;
 const float ALPHA_MAX = 0.99;
 const float D_MIN = 0.0001;
@@ -11,12 +7,6 @@ uniform sampler2D texels; // RGB of one texel per texel
 uniform float near;
 uniform vec2 size; // px
 uniform vec2 origin; // of the viewport, px
-#ifdef LOGARITHMIC_DEPTH
-uniform vec2 logDepth; // depth of the window = x log2(1 + y distance along the axis)
-#endif
-#ifdef SHOWS_DEPTH
-uniform vec2 depthRange; // logarithms of depths that are white and black
-#endif
 
 flat in vec4 centreAndPlane;
 flat in vec4 falloff;
@@ -47,18 +37,6 @@ vec3 residual(vec2 uv, vec2 footprint) {
     return sum / (footprint.x * footprint.y);
 }
 
-// From sRGB code values to linear light, the reverse, or as they are. A variant each, like all that a uniform would decide: software
-// runs both ways of such a branch.
-vec3 converted(vec3 c) {
-#if defined(TO_LINEAR)
-    return mix(c / 12.92, pow((c + 0.055) / 1.055, vec3(2.4)), step(0.04045, c));
-#elif defined(TO_SRGB)
-    return mix(12.92 * c, 1.055 * pow(max(c, 0.0031308), vec3(1.0 / 2.4)) - 0.055, step(0.0031308, c));
-#else
-    return c;
-#endif
-}
-
 void main() {
     vec2 pixel = gl_FragCoord.xy - origin;
     vec2 q = vec2(pixel.x, size.y - pixel.y) - centreAndPlane.xy;
@@ -73,7 +51,7 @@ void main() {
     if (alpha < ALPHA_MIN) discard;
     alpha = min(ALPHA_MAX, alpha);
 #ifdef LOGARITHMIC_DEPTH
-    gl_FragDepth = logDepth.x * log2(1.0 + logDepth.y * centreDepth / d);
+    gl_FragDepth = windowDepth(centreDepth / d);
 #endif
 #ifdef COUNT_DRAWN
     colourAndAlpha = vec4(1.0);
@@ -85,7 +63,7 @@ void main() {
         colour = max(vec3(0.0), colour + residual(uv, originAndFootprint.zw));
     }
 #ifdef SHOWS_DEPTH
-    colour = vec3(1.0 - clamp((log(centreDepth / d) - depthRange.x) / (depthRange.y - depthRange.x), 0.0, 1.0));
+    colour = shownDepth(centreDepth / d);
 #endif
     colourAndAlpha = vec4(converted(colour) * alpha, alpha);
 }

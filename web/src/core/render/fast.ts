@@ -1,0 +1,118 @@
+/**
+ * The fast path: one pass projects each splat once, into a record of 64 bytes in drawing order; quads fetch their record, fragments
+ * divide once and let the hardware interpolate the map. Textures, colours and axes have 8 to 11 bits.
+ */
+
+import { Atlas } from './atlas';
+import type { Batches } from './batch';
+import { ATLAS_COLUMNS } from './layout';
+import { type Program, quadProgram, recordProgram, RECORDS_PER_ROW } from './program';
+import { type Frame, setProjection, variantOf } from './projection';
+
+/** Attachments of 16 bytes, as many as every WebGL2 device has. */
+const PARTS = ['place', 'falloff', 'shape', 'paint'] as const;
+
+export class FastPath {
+    private readonly record: Program;
+    private readonly quads = new Map<string, Program>();
+    private readonly framebuffer: WebGLFramebuffer;
+    private records: Record<typeof PARTS[number], WebGLTexture> | null = null;
+    private rows = 0;
+    private atlas: Atlas | null = null;
+    /** What the records are of. */
+    private recorded = '';
+    private scene: Frame['buffers'] | null = null;
+
+    constructor(private readonly gl: WebGL2RenderingContext, private readonly batches: Batches) {
+        this.record = recordProgram(gl);
+        this.framebuffer = gl.createFramebuffer()!;
+    }
+
+    get bytes(): number {
+        return (this.atlas?.bytes ?? 0) + 16 * PARTS.length * RECORDS_PER_ROW * this.rows;
+    }
+
+    /** Makes the records of an image and what they refer to, unless they are there. Leaves another framebuffer bound. */
+    prepare(frame: Frame): void {
+        const { buffers, info, view } = frame;
+        if (this.scene !== buffers) {
+            this.atlas?.dispose();
+            this.atlas = new Atlas(this.gl, info, buffers, this.batches);
+            this.scene = buffers;
+            this.recorded = '';
+        }
+        this.atlas!.update();
+        const { rotation, translation, focalPx, principalPx, widthPx, heightPx } = view;
+        const wanted = [frame.colours, frame.drawn, frame.orderVersion, buffers.version, widthPx, heightPx, ...rotation, ...translation, ...focalPx, ...principalPx].join();
+        if (wanted === this.recorded) return;
+        this.recorded = wanted;
+        this.project(frame);
+    }
+
+    /** Draws what was prepared onto what is bound; the caller blends. */
+    draw(frame: Frame): void {
+        const { gl, atlas } = this;
+        const variant = variantOf(frame);
+        const program = this.quads.get(variant) ?? quadProgram(gl, variant);
+        this.quads.set(variant, program);
+        gl.useProgram(program.program);
+        program.textures({ ...this.records!, splats: frame.buffers.splats, places: atlas!.places, atlas: atlas!.texture! });
+        gl.uniform1i(program.uniform('drawn'), frame.drawn);
+        gl.uniform2f(program.uniform('size'), frame.view.widthPx, frame.view.heightPx);
+        gl.uniform2f(program.uniform('atlasSize'), ATLAS_COLUMNS, atlas!.rows);
+        if (variant) {
+            gl.uniformMatrix3fv(program.uniform('cameraFromData'), true, frame.view.rotation);
+            gl.uniform3f(program.uniform('translation'), ...frame.view.translation);
+            gl.uniform2f(program.uniform('depthFromInverse'), 0, 0);
+            gl.uniform1f(program.uniform('near'), frame.info.near);
+            gl.uniform2f(program.uniform('depthRange'), Math.log(frame.depthRange[0]), Math.log(frame.depthRange[1]));
+        }
+        this.batches.draw(frame.drawn);
+    }
+
+    dispose(): void {
+        this.dropRecords();
+        this.atlas?.dispose();
+        this.gl.deleteFramebuffer(this.framebuffer);
+        this.record.dispose();
+        this.quads.forEach((program) => program.dispose());
+    }
+
+    private project(frame: Frame): void {
+        const { gl, record } = this;
+        const rows = Math.max(1, Math.ceil(frame.drawn / RECORDS_PER_ROW));
+        if (rows > this.rows) this.makeRecords(Math.max(rows, Math.ceil(frame.buffers.capacity / RECORDS_PER_ROW)));
+        gl.bindFramebuffer(gl.FRAMEBUFFER, this.framebuffer);
+        gl.viewport(0, 0, RECORDS_PER_ROW, rows);
+        gl.disable(gl.BLEND);
+        gl.disable(gl.SCISSOR_TEST);
+        gl.useProgram(record.program);
+        setProjection(gl, record, frame);
+        gl.uniform1i(record.uniform('halvings'), this.atlas!.halvings);
+        gl.bindVertexArray(null);
+        gl.drawArrays(gl.TRIANGLES, 0, 3);
+    }
+
+    private makeRecords(rows: number): void {
+        const { gl } = this;
+        this.dropRecords();
+        gl.bindFramebuffer(gl.FRAMEBUFFER, this.framebuffer);
+        const made = PARTS.map((part, i) => {
+            const texture = gl.createTexture()!;
+            gl.bindTexture(gl.TEXTURE_2D, texture);
+            gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA32UI, RECORDS_PER_ROW, rows);
+            for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, name, gl.NEAREST);
+            gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0 + i, gl.TEXTURE_2D, texture, 0);
+            return [part, texture] as const;
+        });
+        gl.drawBuffers(PARTS.map((_, i) => gl.COLOR_ATTACHMENT0 + i));
+        this.records = Object.fromEntries(made) as NonNullable<typeof this.records>;
+        this.rows = rows;
+    }
+
+    private dropRecords(): void {
+        Object.values(this.records ?? {}).forEach((texture) => this.gl.deleteTexture(texture));
+        this.records = null;
+        this.rows = 0;
+    }
+}
