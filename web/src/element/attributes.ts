@@ -1,12 +1,18 @@
 /** What the attributes of the element say. */
 
 import { COLOURS, type Colours } from '../core/render/colours';
+import type { Precision } from '../viewer/pace';
 
-export const ATTRIBUTES = ['src', 'alt', 'camera-controls', 'controls-mode', 'disable-zoom', 'auto-rotate', 'rotation-per-second', 'view', 'background', 'colours', 'max-splats', 'loading'];
+export const ATTRIBUTES = ['src', 'alt', 'camera-controls', 'controls-mode', 'disable-zoom', 'auto-rotate', 'rotation-per-second', 'view', 'background', 'colours', 'max-splats', 'precision', 'loading'];
 
 export function maxSplatsOf(element: Element): number {
     const most = Math.floor(Number(element.getAttribute('max-splats')));
     return most >= 1 ? most : Infinity;
+}
+
+export function precisionOf(element: Element): Precision {
+    const precision = element.getAttribute('precision');
+    return precision === 'exact' || precision === 'fast' ? precision : 'auto';
 }
 
 export function coloursOf(element: Element): Colours {

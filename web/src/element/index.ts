@@ -14,6 +14,7 @@
  * | `background` | `#rrggbb`, `transparent`, or `scene` (default): that of the file |
  * | `colours` | `trained` (default), `untextured`, `texels`, `degree`, `depth` |
  * | `max-splats` | shows at most this many, those that contribute most |
+ * | `precision` | `auto` (default): fast while the camera moves, exact at rest where an image takes less than 100 ms; `exact` or `fast`: always |
  * | `loading` | `eager` (default) or `lazy`: once it is visible |
  *
  * Events: `load`; `progress` (a ProgressEvent: `loaded` and `total` bytes); `error` (an ErrorEvent: `message`, `error`); `camera-change`.
@@ -27,7 +28,7 @@ import type { SplatRenderer } from '../core/render/renderer';
 import type { SceneInfo } from '../core/scene';
 import { type Source, stored } from '../core/worker/messages';
 import { type FrameFigures, Viewer } from '../viewer/viewer';
-import { ATTRIBUTES, backgroundOf, coloursOf, maxSplatsOf, rotationOf } from './attributes';
+import { ATTRIBUTES, backgroundOf, coloursOf, maxSplatsOf, precisionOf, rotationOf } from './attributes';
 import { join, leave, settle, use } from './contexts';
 import { Parts } from './parts';
 
@@ -88,7 +89,7 @@ export class LitetexViewerElement extends Base {
         if (name === 'src' && (before !== now || this.hasFailed)) this.load(now ? { url: now } : null);
         if (name === 'max-splats' && before !== now && this.source) this.load(this.source);
         if (name === 'loading') this.isWanted ||= this.isConnected && now !== 'lazy';
-        if (name === 'colours' || name === 'background') this.isCurrent = false;
+        if (name === 'colours' || name === 'background' || name === 'precision') this.isCurrent = false;
         if (this.viewer) this.update();
         settle();
     }
@@ -277,6 +278,7 @@ export class LitetexViewerElement extends Base {
         this.parts.canvas.setAttribute('aria-label', this.getAttribute('alt') ?? 'A scene of splats');
         viewer.colours = coloursOf(this);
         viewer.background = backgroundOf(this);
+        viewer.precision = precisionOf(this);
         this.turn();
     }
 

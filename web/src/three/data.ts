@@ -1,7 +1,7 @@
 /** What the objects that show the same scene share: its splats, their orders, and textures in each renderer. */
 
 import type { WebGLRenderer } from 'three';
-import type { Precision } from '../core/render/buffers';
+import type { Storage } from '../core/render/buffers';
 import type { SceneInfo, Splats, SplatUpdate } from '../core/scene';
 import { GpuScene, type VersionedUpdate } from './gpu';
 import { Orders } from './orders';
@@ -10,7 +10,7 @@ export interface SplatsOptions {
     /** Shows at most this many splats, the first ones, which contribute most in files with layers. Default: all. */
     readonly maxSplats?: number;
     /** Bits of colours and texels on the GPU: `half` (default) or `full`. */
-    readonly precision?: Precision;
+    readonly storage?: Storage;
 }
 
 export class SplatData {
@@ -59,7 +59,7 @@ export class SplatData {
     gpu(renderer: WebGLRenderer): GpuScene {
         let gpu = this.gpus.get(renderer);
         if (gpu?.state !== renderer.state) {
-            gpu = new GpuScene(renderer, this.info, this.options.precision ?? 'half', this.maxSplats);
+            gpu = new GpuScene(renderer, this.info, this.options.storage ?? 'half', this.maxSplats);
             this.gpus.set(renderer, gpu);
         }
         gpu.apply(this.updates);

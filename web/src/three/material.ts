@@ -2,15 +2,20 @@
 
 import { CustomBlending, DoubleSide, ExternalTexture, GLSL3, Matrix3, OneFactor, OneMinusSrcAlphaFactor, RawShaderMaterial, Vector2, Vector3, type WebGLRenderer } from 'three';
 import { classColours, COLOURS, type Colours } from '../core/render/colours';
-import { SPLAT_SHADERS } from '../core/render/program';
+import type { FastPath } from '../core/render/fast';
+import type { Pool } from '../core/render/pool';
+import { QUAD_SHADERS, SPLAT_SHADERS } from '../core/render/program';
+import { ALL } from '../core/render/projection';
 import type { SceneInfo } from '../core/scene';
 import type { GpuScene } from './gpu';
 import type { SplatView, Viewport } from './view';
 
 export const CONVERSION = { none: 0, toLinear: 1, toSrgb: 2 } as const;
 
+const TEXTURES = ['splats', 'sh', 'means', 'texels', 'order', 'place', 'falloff', 'shape', 'paint', 'places', 'atlas'] as const;
+
 export class SplatMaterial extends RawShaderMaterial {
-    private readonly textures = { splats: new ExternalTexture(), sh: new ExternalTexture(), means: new ExternalTexture(), texels: new ExternalTexture(), order: new ExternalTexture() };
+    private readonly textures = Object.fromEntries(TEXTURES.map((name) => [name, new ExternalTexture()])) as Record<typeof TEXTURES[number], ExternalTexture>;
     private shown: Colours | null = null;
 
     constructor() {
@@ -30,7 +35,7 @@ export class SplatMaterial extends RawShaderMaterial {
             forceSinglePass: true,
             toneMapped: false,
         });
-        const vectors = ['focal', 'principal', 'size', 'origin', 'depthFromInverse', 'depthSlope', 'depthRange', 'logDepth'];
+        const vectors = ['focal', 'principal', 'size', 'origin', 'depthFromInverse', 'depthSlope', 'depthRange', 'logDepth', 'atlasSize'];
         this.uniforms = {
             ...Object.fromEntries(Object.entries(this.textures).map(([name, texture]) => [name, { value: texture }])),
             ...Object.fromEntries(vectors.map((name) => [name, { value: new Vector2() }])),
@@ -42,6 +47,7 @@ export class SplatMaterial extends RawShaderMaterial {
             grown: { value: 0 },
             filtered: { value: false },
             drawn: { value: 0 },
+            budget: { value: ALL },
             colours: { value: 0 },
             classColours: { value: classColours('trained') },
         };
@@ -72,13 +78,22 @@ export class SplatMaterial extends RawShaderMaterial {
         this.uniformsNeedUpdate = true;
     }
 
-    /** Takes the textures and the number of splats of the order. */
-    setTextures({ buffers }: GpuScene, order: WebGLTexture, drawn: number): void {
+    /** Takes the textures and the number of splats of the order; those of the fast path, if it is to draw. */
+    setTextures({ buffers }: GpuScene, order: Pool, drawn: number, fast: FastPath | null): void {
+        const { vertex, fragment } = fast ? QUAD_SHADERS : SPLAT_SHADERS;
+        if (this.vertexShader !== vertex) {
+            Object.assign(this, { vertexShader: vertex, fragmentShader: fragment });
+            this.needsUpdate = true;
+        }
+        this.define('EXACT_DEPTH', fast !== null);
         this.uniforms.drawn.value = drawn;
         this.uniforms.growth.value = buffers.growth;
         this.uniforms.grown.value = buffers.grown;
         for (const name of ['splats', 'sh', 'means', 'texels'] as const) this.textures[name].sourceTexture = buffers[name].texture;
-        this.textures.order.sourceTexture = order;
+        this.textures.order.sourceTexture = order.texture;
+        if (!fast) return;
+        for (const [name, texture] of Object.entries(fast.textures)) this.textures[name as keyof FastPath['textures']].sourceTexture = texture;
+        this.uniforms.atlasSize.value.set(...fast.atlasSize);
     }
 
     /** As three.js's materials write depth if the renderer has a logarithmic one. Call it before the first image, too. */

@@ -63,6 +63,11 @@ export class LitetexSplats extends Mesh<InstancedBufferGeometry, SplatMaterial> 
      * a few frames before; `onUpdate` tells when it has come. `immediate`: before each image, for exact ones.
      */
     sorting: 'auto' | 'immediate' = 'auto';
+    /**
+     * `fast` (default): splats are projected once an image, and the hardware interpolates their maps: 50 dB and more against `exact`,
+     * which follows the specification, in 16 bits and more.
+     */
+    precision: 'exact' | 'fast' = 'fast';
     /** Called when there is something new to draw: splats that have arrived, an order of the worker. */
     onUpdate: (() => void) | null = null;
     /** Resolves when the whole file is there, rejects if the rest of it cannot be read. Set by loaders. */
@@ -135,14 +140,18 @@ export class LitetexSplats extends Mesh<InstancedBufferGeometry, SplatMaterial> 
         if (!order) this.orders.set(camera, order = new CameraOrder());
         const r = view.rotation;
         this.data.orders.update(order, { axis: [r[6], r[7], r[8]], offset: view.translation[2] }, this.sorting === 'immediate');
-        const { texture, count } = gpu.order(order);
+        const { pool, count, stamp } = gpu.order(order);
         this.geometry.instanceCount = batchesOf(count);
-        this.material.setTextures(gpu, texture, count);
+        const depthRange = this.colours === 'depth' ? this.depthRange(view.cameraInData) : [1, 2] as const;
+        const fast = this.precision === 'exact' ? null : gpu.prepare({
+            view, info: this.info, buffers: gpu.buffers, order: pool, drawn: count, orderVersion: stamp, colours: this.colours, budget: Infinity, depthRange,
+        });
+        this.material.setTextures(gpu, pool, count, fast);
         const target = renderer.getRenderTarget();
         const conversion = this.conversionFor(renderer);
         const whole = conversion !== CONVERSION.none && this.conversion === 'image' && target !== null && gpu.composite.begin(target);
         this.afterRender = whole ? () => gpu.composite.end(camera, conversion === CONVERSION.toLinear) : null;
-        this.material.set(view, viewport, this.info, this.colours, whole ? CONVERSION.none : conversion, this.colours === 'depth' ? this.depthRange(view.cameraInData) : [1, 2]);
+        this.material.set(view, viewport, this.info, this.colours, whole ? CONVERSION.none : conversion, depthRange);
         this.material.setLogarithmicDepth(renderer, (camera as PerspectiveCamera).far, view.scale);
     }
 
@@ -207,6 +216,7 @@ export class LitetexSplats extends Mesh<InstancedBufferGeometry, SplatMaterial> 
         this.targetColours = source.targetColours;
         this.conversion = source.conversion;
         this.sorting = source.sorting;
+        this.precision = source.precision;
         this.loaded = source.loaded;
         return this;
     }

@@ -8,7 +8,7 @@ import { startReading, startWorker } from '../core/worker/start';
 import { errorOf, type FromWorker, type KeptFile, type Source, stored, type StoredSource } from '../core/worker/messages';
 import { sceneBounds, type Sphere } from './bounds';
 import { Controls } from './controls';
-import { Pace } from './pace';
+import { Pace, type Plan, type Precision } from './pace';
 import { homePose, type Pose } from './pose';
 import { readSurfaces, type SplatSurfaces } from './surfaces';
 
@@ -45,9 +45,13 @@ export interface FrameFigures {
     ms: number;
     widthPx: number;
     heightPx: number;
+    precision: 'exact' | 'fast';
     /** Whether it shows the whole file, in the right order. */
     complete: boolean;
 }
+
+/** Phones have more pixels than anybody sees; each costs dozens of fragments. */
+const MAX_PIXEL_RATIO = 2;
 
 /** A file to read, and how. */
 interface Reading {
@@ -110,8 +114,21 @@ export class Viewer {
             this.events.held?.();
             this.moved();
         }, keys);
-        this.resize = new ResizeObserver(() => this.invalidate());
+        this.resize = new ResizeObserver(() => {
+            this.pace.forget();
+            this.invalidate();
+        });
         this.resize.observe(canvas);
+        this.invalidate();
+    }
+
+    /** `auto` (default): fast while the camera moves, exact at rest where an image takes less than 100 ms. */
+    get precision(): Precision {
+        return this.pace.precision;
+    }
+
+    set precision(precision: Precision) {
+        this.pace.precision = precision;
         this.invalidate();
     }
 
@@ -148,7 +165,7 @@ export class Viewer {
         this.controls.letGo();
         const isDrawn = Boolean(this.completeDrawn && pose && !this.renderer.lost);
         if (isDrawn) {
-            this.paint(pose!.view(canvas.width, canvas.height));
+            this.paint(pose!.view(canvas.width, canvas.height), this.pace.planAt(Infinity));
             Object.assign(still, { width: canvas.width, height: canvas.height });
             still.getContext('2d')!.drawImage(canvas, 0, 0);
         }
@@ -199,7 +216,7 @@ export class Viewer {
         // Meanwhile a smaller image may have been drawn, as while moving.
         const view = this.sizedView(1);
         if (!view) throw new Error('nothing is shown yet');
-        this.paint(view);
+        this.paint(view, { ...this.pace.planAt(Infinity), precision: this.precision === 'fast' ? 'fast' : 'exact' });
         return new Promise((resolve, reject) => {
             this.canvas.toBlob((blob) => (blob ? resolve(blob) : reject(new Error('the browser makes no image'))), 'image/png');
         });
@@ -265,6 +282,7 @@ export class Viewer {
                 this.complete = this.completeDrawn = this.isUnsorted = false;
                 this.kept = again ? this.kept : null;
                 this.renderer.start(message.info);
+                this.pace.forget();
                 if (!keepPose || !this.pose) this.pose = message.info.cameras.length ? homePose(message.info, { centre: [0, 0, 0], radius: 1 }) : null;
                 if (!again) this.events.info?.(message.info);
                 break;
@@ -294,7 +312,7 @@ export class Viewer {
         // Whoever hears of `load` may give the context up. Once it is back, the file is read again, and only then can images be complete.
         if (this.renderer.lost) return;
         const { scene } = this;
-        const view = this.sizedView(this.pace.drawnRatio);
+        const view = this.sizedView(this.pace.drawn.ratio);
         if (!view) {
             // Nothing can be sorted for a canvas without an area: as soon as it has one.
             this.replacing = false;
@@ -327,20 +345,20 @@ export class Viewer {
         const { pace } = this;
         this.finish();
         const isWaiting = pace.isDrawing || this.replacing;
-        if (!isWaiting && (this.dirty || (pace.isResting(time) && pace.drawnRatio < 1))) {
+        if (!isWaiting && (this.dirty || (pace.isUnsettled && pace.isResting(time)))) {
             this.dirty = false;
-            pace.drawnRatio = pace.ratioAt(time);
-            const view = this.sizedView(pace.drawnRatio);
+            const plan = pace.planAt(time);
+            const view = this.sizedView(plan.ratio);
             if (view && this.isUnsorted) {
                 this.isUnsorted = false;
                 void this.complement();
             }
             if (view) {
-                this.fenceComplete = this.complete;
-                pace.draw(() => this.paint(view));
+                this.fenceComplete = this.complete && plan.share === 1;
+                pace.draw(plan, () => this.paint(view, plan));
             }
         }
-        const again = (this.dirty && !this.replacing) || pace.isDrawing || pace.drawnRatio < 1 || this.controls.active || this.autoRotate;
+        const again = (this.dirty && !this.replacing) || pace.isDrawing || pace.isUnsettled || this.controls.active || this.autoRotate;
         if (again && !this.frame) this.frame = requestAnimationFrame((next) => this.tick(next));
     }
 
@@ -349,20 +367,23 @@ export class Viewer {
         const ms = this.pace.finished();
         if (ms === null) return;
         this.completeDrawn = this.fenceComplete && this.complete;
-        this.events.drawn?.({ ms, widthPx: this.canvas.width, heightPx: this.canvas.height, complete: this.completeDrawn });
+        this.events.drawn?.({ ms, widthPx: this.canvas.width, heightPx: this.canvas.height, precision: this.pace.drawn.precision, complete: this.completeDrawn });
     }
 
     private sizedView(ratio: number): View | null {
-        const scale = devicePixelRatio * ratio;
+        const scale = Math.min(MAX_PIXEL_RATIO, devicePixelRatio) * ratio;
         const [width, height] = [this.canvas.clientWidth, this.canvas.clientHeight].map((px) => Math.max(1, Math.round(px * scale)));
         if (!this.pose || !this.canvas.clientWidth) return null;
         if (this.canvas.width !== width || this.canvas.height !== height) [this.canvas.width, this.canvas.height] = [width, height];
         return this.pose.view(width, height);
     }
 
-    private paint(view: View): void {
+    private paint(view: View, { precision, moving, share }: Plan): void {
         const options: DrawOptions = {
             colours: this.colours,
+            precision,
+            onCanvas: moving && precision === 'fast',
+            ...(share < 1 ? { maxSplats: Math.ceil(share * this.renderer.figures.splats) } : {}),
             ...(this.background === undefined ? {} : { background: this.background }),
             ...(this.colours === 'depth' ? { depthRange: this.depthRange() } : {}),
         };

@@ -31,7 +31,7 @@ describe.skipIf(!browserPath())('images', () => {
     afterAll(() => browser?.close());
 
     async function draw(file: string, view: string, job: Partial<Job> = {}) {
-        const target = { url: `/@fs/${file}`, view, renderer: { target: 'rgba32f', precision: 'full' }, ...job } as Job;
+        const target = { url: `/@fs/${file}`, view, renderer: { target: 'rgba32f', storage: 'full' }, ...job } as Job;
         return browser.page.evaluate((given) => (window as unknown as Harness).draw(given), target);
     }
 
@@ -55,13 +55,24 @@ describe.skipIf(!browserPath())('images', () => {
             expect(float.psnr).toBeGreaterThan(60);
             expect(half.psnr).toBeGreaterThan(60);
             expect(canvas.psnr).toBeGreaterThan(55);
+            const fast = compare(rgbOf(await draw(file, view, { renderer: {}, draw: { precision: 'fast' } })), expected.rgb);
+            const moving = compare(rgbOfBytes(await draw(file, view, { renderer: {}, draw: { precision: 'fast', onCanvas: true } })), expected.rgb);
+            if (process.env.LITETEX_FIGURES) console.log(file, view, 'fast', fast.psnr.toFixed(1), fast.largest.toFixed(4), 'on the canvas', moving.psnr.toFixed(1));
+            // Measured: 54.7 and 46.6 on a trained scene; 45.6 and 42.7 where footprints of large maps decide every pixel.
+            const isTrained = file.startsWith(sample);
+            expect(fast.psnr).toBeGreaterThan(isTrained ? 50 : 45);
+            expect(moving.psnr).toBeGreaterThan(isTrained ? 45 : 42);
         }
     });
 
     test.each<Control>(['order', 'mirrored', 'srgb-texels', 'clamped-edges', 'half-pixel'])('control: %s fails', async (control) => {
         const file = join(pack, 'lossless.glb');
-        const image = await draw(file, 'wide', { control });
-        expect(compare(rgbOf(image), reference(LITETEX, file, 'wide').rgb).psnr).toBeLessThan(45);
+        for (const precision of ['exact', 'fast'] as const) {
+            const image = await draw(file, 'wide', { control, draw: { precision } });
+            const { psnr } = compare(rgbOf(image), reference(LITETEX, file, 'wide').rgb);
+            if (process.env.LITETEX_FIGURES) console.log('control', control, precision, psnr.toFixed(1));
+            expect(psnr).toBeLessThan(40);
+        }
     });
 
     test('hardly more fragments are shaded than blended', async () => {

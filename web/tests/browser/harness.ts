@@ -51,7 +51,7 @@ export async function draw(job: Job): Promise<Drawn> {
     await renderer.sorted(reverse);
     if (job.control === 'order') Reflect.set(renderer, 'order', { request() {}, dispose() {} });
     renderer.draw(view, job.draw);
-    const floats = job.renderer.target === 'canvas' ? new Float32Array(0) : renderer.read();
+    const floats = job.renderer.target === 'canvas' || job.draw?.onCanvas ? new Float32Array(0) : renderer.read();
     const pixels = new Uint8Array(4 * view.widthPx * view.heightPx);
     renderer.gl.bindFramebuffer(renderer.gl.FRAMEBUFFER, null);
     renderer.gl.readPixels(0, 0, view.widthPx, view.heightPx, renderer.gl.RGBA, renderer.gl.UNSIGNED_BYTE, pixels);
@@ -105,7 +105,7 @@ export async function prefixes(url: string, view: string, parts: readonly number
     const images: Float32Array[] = [];
     for (const part of [...parts, 1]) {
         const canvas = document.createElement('canvas');
-        const renderer = new SplatRenderer(canvas, { target: 'rgba32f', precision: 'full' });
+        const renderer = new SplatRenderer(canvas, { target: 'rgba32f', storage: 'full' });
         let seen = false;
         const apply = (update: SplatUpdate) => { renderer.apply(update); seen = true; };
         await readScene(bytes.slice(0, Math.round(part * bytes.length)), { onInfo: (info) => renderer.start(info), onUpdate: apply, fileBytes: bytes.length })

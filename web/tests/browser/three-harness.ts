@@ -20,7 +20,7 @@ export interface Image {
 
 export type How = 'half' | 'full' | 'canvas' | 'linear' | 'linear-multisampled' | 'linear-splats' | 'linear-canvas' | 'composer-canvas';
 
-const EXACT: SplatsOptions = { precision: 'full' };
+const EXACT: SplatsOptions = { storage: 'full' };
 
 async function load(url: string, by: 'loader' | 'gltf', options = EXACT): Promise<LitetexSplats> {
     if (by === 'loader') return new LitetexLoader().setOptions(options).loadAsync(url).then((splats) => splats.loaded.then(() => splats));
@@ -116,6 +116,8 @@ export interface Shot {
     by?: 'loader' | 'gltf';
     view: string;
     how: How;
+    /** Default: exact. */
+    precision?: 'exact' | 'fast';
     options?: SplatsOptions;
     pixelRatio?: number;
     /** Under a parent that is moved, turned and scaled. */
@@ -149,6 +151,7 @@ const scenarios = {
         }
         scene.add(root.add(splats));
         splats.sorting = 'immediate';
+        splats.precision = shot.precision ?? 'exact';
         const camera = new PerspectiveCamera(50, 1, 1e-3, 1e4);
         splats.takeCamera(camera, of);
         if (shot.colours) splats.colours = shot.colours;
@@ -176,8 +179,9 @@ const scenarios = {
     },
 
     /** Two views side by side in one frame, twice. */
-    async pair(url: string, views: [string, string], asArray: boolean): Promise<Image[]> {
+    async pair(url: string, views: [string, string], asArray: boolean, precision: 'exact' | 'fast'): Promise<Image[]> {
         const splats = await load(url, 'loader');
+        splats.precision = precision;
         const cameras = views.map((name) => cameraOf(splats, name));
         const renderer = rendererOf(cameras[0].widthPx + cameras[1].widthPx, Math.max(...cameras.map((camera) => camera.heightPx)));
         renderer.autoClear = false;
@@ -236,8 +240,9 @@ const scenarios = {
     },
 
     /** A disc turned by 45 degrees about y through a mesh that faces the camera: red of the middle row. */
-    cut(parameters: WebGLRendererParameters, tilted: boolean): { row: number[]; reversed: boolean; logarithmic: boolean } {
+    cut(parameters: WebGLRendererParameters, tilted: boolean, precision: 'exact' | 'fast'): { row: number[]; reversed: boolean; logarithmic: boolean } {
         const splats = disc([1, 1, 1], -0.3, 0.1, Math.PI / 4);
+        splats.precision = precision;
         splats.scale.setScalar(10);
         splats.position.set(0.1, 0, 0);
         const mesh = new Mesh(new PlaneGeometry(20, 20), new MeshBasicMaterial({ color: 0 }));
@@ -271,12 +276,13 @@ const scenarios = {
     },
 
     /** Splats that arrive in parts, between frames in which three.js uploads a texture of its own. */
-    async parts(url: string, view: string): Promise<Image> {
+    async parts(url: string, view: string, precision: 'exact' | 'fast'): Promise<Image> {
         const whole = await load(url, 'loader');
         const of = cameraOf(whole, view);
         const { splats: all } = (Reflect.get(whole, 'data') as { parts: { splats: Splats }[] }).parts[0];
         const splats = new LitetexSplats(whole.info, EXACT);
         splats.sorting = 'immediate';
+        splats.precision = precision;
         const renderer = rendererOf(of.widthPx, of.heightPx);
         const camera = new PerspectiveCamera(50, 1, 1e-3, 1e5);
         splats.takeCamera(camera, of);

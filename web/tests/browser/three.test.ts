@@ -48,6 +48,8 @@ describe.skipIf(!browserPath())('three.js', () => {
         test.each(VIEWS)('%s', async (view) => {
             expect(await shot(file, { by, view, how: 'half' })).toBeGreaterThan(55);
             expect(await shot(file, { by, view, how: 'canvas' })).toBeGreaterThan(45);
+            // Measured: 46.7 where the footprint of large maps decides, else 50 and more.
+            expect(await shot(file, { by, view, how: 'half', precision: 'fast' })).toBeGreaterThan(45);
         });
     });
 
@@ -74,13 +76,16 @@ describe.skipIf(!browserPath())('three.js', () => {
         expect(psnr).toBeGreaterThan(20);
         expect(psnr).toBeLessThan(45);
     });
-    test('control: the wrong order fails', async () => expect(await shot('lossless.glb', { control: 'order' })).toBeLessThan(45));
-    test('control: a mirrored frame fails', async () => expect(await shot('lossless.glb', { control: 'mirrored' })).toBeLessThan(45));
+    test.each(['order', 'mirrored'] as const)('control: %s fails', async (control) => {
+        for (const precision of ['exact', 'fast'] as const) expect(await shot('lossless.glb', { control, precision })).toBeLessThan(40);
+    });
 
     test.each([['two viewports', false], ['an ArrayCamera', true]] as const)('two cameras of one frame are both right: %s', async (_, asArray) => {
-        const images = await run('pair', url('lossless.glb'), ['wide', 'inside'], asArray);
-        for (const [i, view] of ['wide', 'inside'].entries()) {
-            expect(compare(rgbOf(images[i]), expected('lossless.glb', view).rgb).psnr).toBeGreaterThan(45);
+        for (const precision of ['exact', 'fast'] as const) {
+            const images = await run('pair', url('lossless.glb'), ['wide', 'inside'], asArray, precision);
+            for (const [i, view] of ['wide', 'inside'].entries()) {
+                expect(compare(rgbOf(images[i]), expected('lossless.glb', view).rgb).psnr).toBeGreaterThan(45);
+            }
         }
     });
 
@@ -93,16 +98,21 @@ describe.skipIf(!browserPath())('three.js', () => {
 
     const depths: [WebGLRendererParameters, boolean][] = [[{}, false], [{}, true], [{ reversedDepthBuffer: true }, false], [{ logarithmicDepthBuffer: true }, false]];
     test.each(depths)('a mesh cuts a splat along its plane: %o, tilted near plane: %s', async (parameters, tilted) => {
-        const { row, reversed, logarithmic } = await run('cut', parameters, tilted);
-        expect([reversed, logarithmic]).toEqual([Boolean(parameters.reversedDepthBuffer), Boolean(parameters.logarithmicDepthBuffer)]);
-        // The disc comes nearer than the mesh to the left of x = 0.1, which is seen 1.85 px from the middle.
-        expect(row.slice(28, 34).every((red) => red > 0.5)).toBe(true);
-        expect(row.slice(34).every((red) => red === 0)).toBe(true);
+        for (const precision of ['exact', 'fast'] as const) {
+            const { row, reversed, logarithmic } = await run('cut', parameters, tilted, precision);
+            expect([reversed, logarithmic]).toEqual([Boolean(parameters.reversedDepthBuffer), Boolean(parameters.logarithmicDepthBuffer)]);
+            // The disc comes nearer than the mesh to the left of x = 0.1, which is seen 1.85 px from the middle.
+            expect(row.slice(28, 34).every((red) => red > 0.5)).toBe(true);
+            expect(row.slice(34).every((red) => red === 0)).toBe(true);
+        }
     });
 
     test('splats arrive in parts, while three.js uploads its own textures', async () => {
-        const image = await run('parts', url('lossless.glb'), 'wide');
+        const image = await run('parts', url('lossless.glb'), 'wide', 'exact');
         expect(compare(rgbOf(image), expected('lossless.glb', 'wide').rgb).psnr).toBeGreaterThan(80);
+        const fast = await run('parts', url('lossless.glb'), 'wide', 'fast');
+        const whole = await run('image', { url: url('lossless.glb'), view: 'wide', how: 'full', precision: 'fast' });
+        expect(compare(rgbOf(fast), rgbOf(whole).map((value) => Math.min(1, Math.max(0, value)))).psnr).toBeGreaterThan(80);
     });
 
     test('the nearer object is drawn last, and renderOrder comes before that', async () => {
@@ -129,7 +139,7 @@ describe.skipIf(!browserPath())('three.js', () => {
 
     test('dispose frees textures, geometries and programs', async () => {
         const memory = await run('memory', url('lossless.glb'), 'wide');
-        expect(memory).toEqual({ before: 0, with: 6, after: 0, geometries: 0, programs: 0, alive: false });
+        expect(memory).toEqual({ before: 0, with: 12, after: 0, geometries: 0, programs: 0, alive: false });
     });
 
     test.each(['lossless.glb', 'balanced.glb'])('%s as .gltf with other files, beside points', async (file) => {

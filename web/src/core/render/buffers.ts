@@ -5,7 +5,7 @@ import { meansOfMaps, packSplats, WORDS_PER_SPLAT } from './pack';
 import { Pool, poolCapacity } from './pool';
 
 /** Numbers that colours and texels are kept in: 16 bits are enough for images (measured: 77 dB and more), 32 for tests. */
-export type Precision = 'half' | 'full';
+export type Storage = 'half' | 'full';
 
 /** Beyond this, large splats hide more than they fill. */
 const GROWTH_MAX = 2.5;
@@ -15,7 +15,7 @@ const GROWTH_MAX = 2.5;
  * first, hence the fourth root. Measured on four scenes: best of 1 to 2.5 for 5 % and 20 % of the splats, 3 to 7 dB better
  * than 1.
  */
-function growthOf(splats: number, all: number): number {
+export function growthOf(splats: number, all: number): number {
     return Math.min(GROWTH_MAX, Math.max(1, all / Math.max(1, splats)) ** 0.25);
 }
 
@@ -31,7 +31,7 @@ export class SplatBuffers {
     grown = 0;
     /** Changes with the splats. */
     version = 0;
-    /** Splats that are as they were when somebody last set this. */
+    /** Splats that are as they were when the atlas last took them. */
     unchanged = 0;
     /** Rows + 65536 columns of each map. */
     readonly sides: Uint32Array;
@@ -41,11 +41,11 @@ export class SplatBuffers {
     private readonly texelsBefore: Uint32Array;
 
     /** `maxSplats` bounds the splats shown; so does the device. */
-    constructor(private readonly gl: WebGL2RenderingContext, private readonly info: SceneInfo, precision: Precision, maxSplats = Infinity) {
+    constructor(private readonly gl: WebGL2RenderingContext, private readonly info: SceneInfo, storage: Storage, maxSplats = Infinity) {
         const room = poolCapacity(gl);
         const coefficients = (info.shDegree + 1) ** 2;
         this.capacity = Math.min(info.splats, maxSplats, Math.floor(room / coefficients), Math.floor(room / (WORDS_PER_SPLAT / 4)));
-        const format = precision === 'half' ? 'rgb16f' : 'rgb32f';
+        const format = storage === 'half' ? 'rgb16f' : 'rgb32f';
         this.splats = new Pool(gl, 'rgba32ui', this.capacity * WORDS_PER_SPLAT / 4);
         this.sh = new Pool(gl, format, this.capacity * coefficients);
         this.means = new Pool(gl, format, this.capacity);

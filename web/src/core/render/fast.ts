@@ -43,23 +43,34 @@ export class FastPath {
         }
         this.atlas!.update();
         const { rotation, translation, focalPx, principalPx, widthPx, heightPx } = view;
-        const wanted = [frame.colours, frame.drawn, frame.orderVersion, buffers.version, widthPx, heightPx, ...rotation, ...translation, ...focalPx, ...principalPx].join();
+        const wanted = [frame.colours, frame.budget, frame.drawn, frame.orderVersion, buffers.version, widthPx, heightPx, ...rotation, ...translation, ...focalPx, ...principalPx].join();
         if (wanted === this.recorded) return;
         this.recorded = wanted;
         this.project(frame);
     }
 
+    /** What `prepare` made, by the names of the quads' samplers. */
+    get textures() {
+        const { atlas, scene, records } = this;
+        return { ...records!, splats: scene!.splats.texture, means: scene!.means.texture, places: atlas!.places.texture, atlas: atlas!.texture! };
+    }
+
+    /** Texels. */
+    get atlasSize(): [columns: number, rows: number] {
+        return [ATLAS_COLUMNS, this.atlas!.rows];
+    }
+
     /** Draws what was prepared onto what is bound; the caller blends. */
     draw(frame: Frame): void {
-        const { gl, atlas } = this;
+        const { gl } = this;
         const variant = variantOf(frame);
         const program = this.quads.get(variant) ?? quadProgram(gl, variant);
         this.quads.set(variant, program);
         gl.useProgram(program.program);
-        program.textures({ ...this.records!, splats: frame.buffers.splats, places: atlas!.places, atlas: atlas!.texture! });
+        program.textures(this.textures);
         gl.uniform1i(program.uniform('drawn'), frame.drawn);
         gl.uniform2f(program.uniform('size'), frame.view.widthPx, frame.view.heightPx);
-        gl.uniform2f(program.uniform('atlasSize'), ATLAS_COLUMNS, atlas!.rows);
+        gl.uniform2f(program.uniform('atlasSize'), ...this.atlasSize);
         if (variant) {
             gl.uniformMatrix3fv(program.uniform('cameraFromData'), true, frame.view.rotation);
             gl.uniform3f(program.uniform('translation'), ...frame.view.translation);

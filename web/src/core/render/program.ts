@@ -35,6 +35,9 @@ const DEFINES = Object.entries(VALUES).map(([name, value]) => `#define ${name} $
 /** Sources of the exact path's shaders without `#version`, which programs such as three.js add themselves. */
 export const SPLAT_SHADERS = { vertex: DEFINES + project + splatVertex, fragment: DEFINES + colour + splatFragment } as const;
 
+/** Sources of the fast path's, which draw records. */
+export const QUAD_SHADERS = { vertex: DEFINES + quadVertex, fragment: colour + quadFragment } as const;
+
 export class Program {
     readonly program: WebGLProgram;
     private readonly locations = new Map<string, WebGLUniformLocation | null>();
@@ -88,7 +91,7 @@ export function recordProgram(gl: WebGL2RenderingContext): Program {
 /** Draws records, in a variant. */
 export function quadProgram(gl: WebGL2RenderingContext, variant: string): Program {
     const defines = variant ? `${variant}#define EXACT_DEPTH\n` : '';
-    return new Program(gl, DEFINES + defines + quadVertex, defines + colour + quadFragment);
+    return new Program(gl, defines + QUAD_SHADERS.vertex, defines + QUAD_SHADERS.fragment);
 }
 
 /** Fills the atlas. */

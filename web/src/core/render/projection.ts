@@ -1,11 +1,14 @@
 /** What both paths tell the shaders of an image. */
 
 import type { SceneInfo } from '../scene';
-import type { SplatBuffers } from './buffers';
+import { growthOf, type SplatBuffers } from './buffers';
 import { classColours, COLOURS, type Colours } from './colours';
 import type { Pool } from './pool';
 import type { Program } from './program';
 import { centreOf, type View } from './view';
+
+/** More splats than there are. */
+export const ALL = 0xffffffff;
 
 /** An image to draw. */
 export interface Frame {
@@ -17,12 +20,14 @@ export interface Frame {
     readonly drawn: number;
     readonly orderVersion: number;
     readonly colours: Colours;
+    /** At most this many splats are drawn, the first of the file. */
+    readonly budget: number;
     /** Depths that are shown as white and black where colours show depth. */
     readonly depthRange: readonly [near: number, far: number];
 }
 
 /** Sets the textures and uniforms of `project.glsl`. */
-export function setProjection(gl: WebGL2RenderingContext, program: Program, { view, info, buffers, order, drawn, colours }: Frame): void {
+export function setProjection(gl: WebGL2RenderingContext, program: Program, { view, info, buffers, order, drawn, budget, colours }: Frame): void {
     const u = (name: string) => program.uniform(name);
     program.textures({ splats: buffers.splats, sh: buffers.sh, means: buffers.means, order });
     gl.uniform1i(u('drawn'), drawn);
@@ -33,8 +38,10 @@ export function setProjection(gl: WebGL2RenderingContext, program: Program, { vi
     gl.uniform2f(u('principal'), ...view.principalPx);
     gl.uniform2f(u('size'), view.widthPx, view.heightPx);
     gl.uniform1f(u('near'), info.near);
-    gl.uniform1f(u('growth'), buffers.growth);
-    gl.uniform1ui(u('grown'), buffers.grown);
+    const isCut = budget < buffers.count;
+    gl.uniform1ui(u('budget'), isCut ? budget : ALL);
+    gl.uniform1f(u('growth'), isCut ? growthOf(budget, info.splats) : buffers.growth);
+    gl.uniform1ui(u('grown'), isCut ? budget : buffers.grown);
     gl.uniform1i(u('filtered'), info.filter === 'ewa' ? 1 : 0);
     gl.uniform1i(u('colours'), COLOURS[colours]);
     gl.uniform3fv(u('classColours'), classColours(colours));

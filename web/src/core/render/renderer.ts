@@ -2,7 +2,7 @@
 
 import type { SceneInfo, SplatUpdate } from '../scene';
 import { Batches } from './batch';
-import { type Precision, SplatBuffers } from './buffers';
+import { SplatBuffers, type Storage } from './buffers';
 import type { Colours } from './colours';
 import { ExactPath } from './exact';
 import { FastPath } from './fast';
@@ -16,7 +16,7 @@ import type { View } from './view';
 
 export interface RendererOptions {
     /** Bits of colours and texels on the GPU. Default: half. */
-    precision?: Precision;
+    storage?: Storage;
     /** What images are blended in. Default: 16 bits where the device can, else `canvas`: the canvas's 8 bits. */
     target?: TargetFormat | 'canvas';
     /** Called when another order is there, so that an image should be drawn. */
@@ -37,8 +37,10 @@ export interface DrawOptions {
      * interpolated by the hardware.
      */
     precision?: 'exact' | 'fast';
-    /** 8: blends on the canvas itself, for images of a moving camera. Default: in the renderer's target. Linear light ignores it. */
-    bits?: 8;
+    /** Blends on the canvas itself, in its 8 bits, as of a moving camera; not in linear light. Default: in the renderer's target. */
+    onCanvas?: boolean;
+    /** Draws at most this many splats, the first ones, which contribute most; they are grown to cover what is missing. */
+    maxSplats?: number;
     colours?: Colours;
     /** Behind the splats, in the colour space of the scene; null: transparent. Default: that of the scene. */
     background?: readonly [number, number, number] | null;
@@ -106,7 +108,7 @@ export class SplatRenderer {
         if (!this.tools) return;
         this.buffers?.dispose();
         this.ordered?.dispose();
-        this.buffers = new SplatBuffers(this.gl, info, this.options.precision ?? 'half', this.options.maxSplats);
+        this.buffers = new SplatBuffers(this.gl, info, this.options.storage ?? 'half', this.options.maxSplats);
         this.ordered = new Pool(this.gl, 'r32ui', this.buffers.capacity);
         this.drawn = 0;
         this.tools.order.setPositions(0, new Float32Array(0));
@@ -144,11 +146,11 @@ export class SplatRenderer {
         tools.order.request(view);
         const frame: Frame = {
             view, info, buffers, order: this.ordered!, drawn: this.drawn, orderVersion: this.orderVersion,
-            colours: options.colours ?? 'trained', depthRange: options.depthRange ?? [info.near, 1000 * info.near],
+            colours: options.colours ?? 'trained', budget: options.maxSplats ?? Infinity, depthRange: options.depthRange ?? [info.near, 1000 * info.near],
         };
         const path = options.precision === 'fast' ? tools.fast : tools.exact;
         if (path === tools.fast) tools.fast.prepare(frame);
-        const onCanvas = options.bits === 8 && info.colourSpace !== 'lin_rec709_display';
+        const onCanvas = options.onCanvas && info.colourSpace !== 'lin_rec709_display';
         const target = onCanvas ? null : this.targetOf(view, tools.format);
         gl.bindFramebuffer(gl.FRAMEBUFFER, target?.framebuffer ?? null);
         gl.viewport(0, 0, view.widthPx, view.heightPx);

@@ -25,6 +25,7 @@ uniform sampler2D sh; // RGB of one coefficient per texel
 uniform sampler2D means; // RGB per splat: weighted mean of its map
 uniform usampler2D order; // splats from far to near, one per texel
 uniform int drawn; // of the order
+uniform uint budget; // splats from this one on are not drawn
 uniform mat3 cameraFromData;
 uniform vec3 translation; // of cameraFromData
 uniform vec3 cameraInData;
@@ -140,6 +141,7 @@ vec4 clippedBounds(vec3 centre, vec3 halfU, vec3 halfV) {
 // Splat number `slot` of the order; false where nothing of it can be seen.
 bool project(int slot, out Projected result) {
     uint splat = texelFetch(order, texelOf(slot, textureSize(order, 0).x), 0).r;
+    if (splat >= budget) return false;
     ivec2 at = texelOf(4 * int(splat), textureSize(splats, 0).x);
     vec4 first = uintBitsToFloat(texelFetch(splats, at, 0));
     vec3 position = first.xyz;

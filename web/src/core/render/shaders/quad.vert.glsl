@@ -1,10 +1,12 @@
 // The fast path, four times a splat: a quad from its record.
 precision highp float;
 precision highp int;
+precision highp sampler2D;
 precision highp usampler2D;
 
 uniform usampler2D place, falloff, shape, paint; // records, see record.frag.glsl
 uniform usampler2D splats; // see pack.ts
+uniform sampler2D means; // RGB per splat: weighted mean of its map
 uniform usampler2D places; // of maps in the atlas: column, row of the block, 16 bits each
 uniform int drawn;
 uniform vec2 size; // px
@@ -42,8 +44,12 @@ void setTexture(uint splat, uint copy, vec3 texelsFromOffset) {
     fromOffset = vec4(0.0);
     centreRow = 0.0;
     limits = vec4(0.0);
-    uint block = copy == NO_MAP ? NO_PLACE : texelFetch(places, texelOf(int(splat), textureSize(places, 0).x), 0).r;
-    if (block == NO_PLACE) return;
+    if (copy == NO_MAP) return;
+    uint block = texelFetch(places, texelOf(int(splat), textureSize(places, 0).x), 0).r;
+    if (block == NO_PLACE) { // as viewers without textures show it
+        base.rgb = max(vec3(0.0), base.rgb + texelFetch(means, texelOf(int(splat), textureSize(means, 0).x), 0).rgb);
+        return;
+    }
     uvec4 last = texelFetch(splats, texelOf(4 * int(splat) + 3, textureSize(splats, 0).x), 0);
     ivec2 sides = ivec2(last.x & 0xffffu, last.x >> 16);
     vec2 shift = vec2(float(int(last.y << 16) >> 16), float(int(last.y) >> 16));
