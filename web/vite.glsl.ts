@@ -11,7 +11,8 @@ export function glsl(): Plugin {
                 const { readFile } = await import('node:fs/promises');
                 const source = await readFile(id.replace('?raw', ''), 'utf8');
                 const lines = source.replace(/\/\/.*$/gm, '').split('\n').map((line) => line.trim()).filter(Boolean);
-                return `export default ${JSON.stringify(lines.join('\n'))}`;
+                // With a last line break: sources are joined.
+                return `export default ${JSON.stringify(`${lines.join('\n')}\n`)}`;
             },
         },
     };

@@ -10,7 +10,8 @@
  * | `disable-zoom` | wheel and pinch are left to the page |
  * | `auto-rotate` | turns around the scene until someone takes hold of it, and once more when set again; not for those who prefer reduced motion |
  * | `rotation-per-second` | degrees; default 12 |
- * | `view` | name of the camera to begin at; default: the home view |
+ * | `view` | name of the camera to begin at, whose image is shown whole; default: the home view, whose image covers the element |
+ * | `keep-near` | keeps the camera where photos were taken: within this part of their cameras' spread of one of them; without a number 0.3 |
  * | `background` | `#rrggbb`, `transparent`, or `scene` (default): that of the file |
  * | `colours` | `trained` (default), `untextured`, `texels`, `degree`, `depth` |
  * | `max-splats` | shows at most this many, those that contribute most |
@@ -27,16 +28,14 @@
 import type { SplatRenderer } from '../core/render/renderer';
 import type { SceneInfo } from '../core/scene';
 import { type Source, stored } from '../core/worker/messages';
+import { reducedMotion } from '../viewer/motion';
 import { type FrameFigures, Viewer } from '../viewer/viewer';
-import { ATTRIBUTES, backgroundOf, coloursOf, maxSplatsOf, precisionOf, rotationOf } from './attributes';
+import { ATTRIBUTES, backgroundOf, coloursOf, maxSplatsOf, precisionOf, reachOf, rotationOf } from './attributes';
 import { join, leave, settle, use } from './contexts';
 import { Parts } from './parts';
 
 /** Servers that render pages have no HTMLElement; they may import this all the same. */
 const Base: typeof HTMLElement = globalThis.HTMLElement ?? (class {} as unknown as typeof HTMLElement);
-
-/** Who prefers it gets no motion that goes on by itself. */
-const reducedMotion = globalThis.matchMedia?.('(prefers-reduced-motion: reduce)');
 
 export class LitetexViewerElement extends Base {
     static readonly observedAttributes = ATTRIBUTES;
@@ -124,6 +123,15 @@ export class LitetexViewerElement extends Base {
     home(): void {
         this.viewer?.home();
         this.use();
+    }
+
+    /**
+     * Turns to the surface that is shown at a place of the element, CSS px from its upper left corner, as a double click does: orbits go
+     * around it from then on. Resolves to whether there is one.
+     */
+    async focusOn(x: number, y: number): Promise<boolean> {
+        this.use();
+        return this.viewer?.focusOn(x, y) ?? false;
     }
 
     /** A PNG image of what is shown. */
@@ -279,6 +287,7 @@ export class LitetexViewerElement extends Base {
         viewer.colours = coloursOf(this);
         viewer.background = backgroundOf(this);
         viewer.precision = precisionOf(this);
+        viewer.reach = reachOf(this);
         this.turn();
     }
 

@@ -63,6 +63,12 @@ export class Cameras {
         this.reveal();
     }
 
+    /** Takes the view of the camera of this name, if there is one. */
+    goNamed(name: string | null): void {
+        const camera = this.cameras.find((candidate) => candidate.name === name);
+        if (camera) this.go(camera);
+    }
+
     /** Returns to the camera last gone to. */
     back(): void {
         if (this.current) this.go(this.current);
@@ -98,7 +104,7 @@ export class Cameras {
 
     private isExact(): boolean {
         const { pose } = this.viewer;
-        return Boolean(pose && this.current && isAt(pose, this.current));
+        return Boolean(pose && this.current && isAt(pose, this.current) && this.viewer.isWhole);
     }
 
     private update(): void {

@@ -1,26 +1,13 @@
 /** Points of a scene under pixels, their distance, and the option of `litetex export` that makes it a length in metres. */
 
 import { centreOf, type View } from '../core/render/view';
-import type { Ray } from '../core/pick';
 import type { SceneInfo } from '../core/scene';
-import { add, dot, length, scale, sub, type Vec3 } from '../viewer/vector';
+import { dot, length, sub, type Vec3 } from '../viewer/vector';
 
 /** A length as `--scale-from` takes it; a number alone is one in metres. */
 const LENGTH = /^(\d+\.?\d*|\.\d+) *(mm|cm|m|in|ft)?$/;
 /** Part of the distance that the digits of a coordinate tell apart. */
 const PRECISION = 1e-6;
-
-/** The ray through a place of the image, px from the upper left corner. Surfaces before the near plane do not count. */
-export function rayThrough(view: View, [x, y]: readonly [number, number], near: number): Ray {
-    const r = view.rotation;
-    const slope = [(x - view.principalPx[0]) / view.focalPx[0], (y - view.principalPx[1]) / view.focalPx[1], 1];
-    const along = [0, 1, 2].map((c) => slope[0] * r[c] + slope[1] * r[3 + c] + r[6 + c]) as Vec3;
-    const perDepth = length(along);
-    return { origin: centreOf(view), direction: scale(along, 1 / perDepth), near: near * perDepth, far: Infinity };
-}
-
-/** The point of a ray at a distance. */
-export const pointAt = ({ origin, direction }: Ray, distance: number): Vec3 => add([...origin], [...direction], distance);
 
 /** Where a view shows a point, px; null if it is not in front of the camera. */
 export function placeOf(view: View, point: Vec3): [x: number, y: number] | null {

@@ -13,7 +13,8 @@ export interface Shortcut {
 const MOVES: readonly (readonly [keys: readonly string[], help: string])[] = [
     [['drag', 'one finger'], 'turn around the scene; in flight: look around'],
     [['right drag', 'two fingers'], 'shift the scene'],
-    [['wheel', 'pinch'], 'come closer, go away'],
+    [['wheel', 'pinch'], 'come closer, go away, to where the pointer is'],
+    [['double click', 'double tap'], 'turn around what is there'],
     [['←', '→', '↑', '↓'], 'turn'],
     [['W', 'A', 'S', 'D', 'Q', 'E'], 'move'],
 ];

@@ -1,10 +1,11 @@
 /** Measures between two points of the surface: clicks, or the middle of the window, while its panel is open. */
 
 import { pick } from '../core/pick';
+import { pointAt, rayThrough } from '../viewer/ray';
 import type { SplatSurfaces } from '../viewer/surfaces';
 import type { Vec3 } from '../viewer/vector';
 import type { Viewer } from '../viewer/viewer';
-import { distanceOf, placeOf, pointAt, rayThrough, scaleOption } from './distance';
+import { distanceOf, placeOf, scaleOption } from './distance';
 import { byId, makeSvg } from './dom';
 
 /** A pointer that moves further between down and up drags, px. */
@@ -36,6 +37,7 @@ export class Measure {
         if (on === this.on) return;
         this.on = on;
         document.documentElement.classList.toggle('measuring', on);
+        this.viewer.controls.focuses = !on;
         this.clear();
     }
 

@@ -13,6 +13,7 @@ import { setUpKeys, showHelp, type Shortcut } from './keys';
 import { Measure } from './measure';
 import { clear, closeLatest, say } from './messages';
 import { closePanel, pressTool, setUpPanels } from './panels';
+import { applyParameters } from './parameters';
 import { embedded, type Session, sessionUrl, watch } from './session';
 import { showTraining } from './training';
 
@@ -21,6 +22,8 @@ class Page {
     private readonly cameras: Cameras;
     private readonly compare: Compare;
     private readonly measure: Measure;
+    /** Name of the camera to begin at. */
+    private camera: string | null;
     private session: Session | null = null;
     /** Name of the file that is shown or being read. */
     private name = '';
@@ -46,6 +49,7 @@ class Page {
             lost: () => this.stopped(),
             restored: () => clear('driver'),
         }, window);
+        this.camera = applyParameters(this.viewer, location.search);
         this.compare = new Compare(this.viewer);
         this.measure = new Measure(this.viewer);
         const changed = () => this.compare.setCamera(this.cameras.current, this.cameras.exact);
@@ -154,6 +158,8 @@ class Page {
         else clear('textures');
         showInfo(info, this.name);
         this.cameras.show(info);
+        this.cameras.goNamed(this.camera);
+        this.camera = null;
         this.showTitle();
     }
 
@@ -231,6 +237,9 @@ class Page {
             viewer.controls.mode = value;
         });
         const home = () => cameras.home();
+        const fullscreen = () => void (document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen()).catch(() => {});
+        byId('fullscreen').hidden = !document.fullscreenEnabled;
+        byId('fullscreen').addEventListener('click', fullscreen);
         const figures = byId('figures'), statistics = byId<HTMLInputElement>('statistics');
         const showStatistics = () => { figures.hidden = !statistics.checked; };
         statistics.checked = innerWidth > 640;
@@ -250,6 +259,7 @@ class Page {
             { keys: ['m'], help: 'measure between two points', run: () => pressTool('measure') },
             { keys: ['i'], help: 'information', run: () => pressTool('info') },
             { keys: ['t'], help: 'statistics', run: () => statistics.click() },
+            { keys: ['z'], help: 'whole screen, and back', run: fullscreen },
             { keys: ['x'], help: 'save the image', run: () => void this.screenshot() },
             { keys: ['?'], help: 'these keys; Escape closes', run: showHelp },
         ];

@@ -1,5 +1,8 @@
 /** Mouse, touch and keys that move a pose. */
 
+import type { View } from '../core/render/view';
+import { Glide } from './glide';
+import { reducedMotion } from './motion';
 import type { Pose } from './pose';
 
 export type Mode = 'orbit' | 'fly';
@@ -9,6 +12,10 @@ const DOLLY_PER_PX = 0.0015;
 /** Part of the distance to the target that keys move per second. */
 const FLY_PER_SEC = 0.6;
 const TURN_PER_SEC = 0.9;
+/** A pointer that moves further between down and up drags. */
+const CLICK_PX = 5;
+/** Two clicks within this time are one double click. */
+const DOUBLE_MS = 400;
 /** A key that is tapped moves as if it were held for this long. */
 const TAP_SECS = 1 / 60;
 
@@ -23,19 +30,27 @@ export class Controls {
     mode: Mode = 'orbit';
     enabled = true;
     zoom = true;
+    /** Whether a double click or tap focuses. */
+    focuses = true;
     private readonly pointers = new Map<number, { x: number; y: number }>();
     private readonly pressed = new Set<string>();
+    /** The last click or tap, and where its pointer went down. */
+    private clicked = { at: -Infinity, x: 0, y: 0 };
+    private downAt = [0, 0];
+    private readonly glide = new Glide();
     private readonly stop = new AbortController();
 
     /**
-     * `pose` gives the one to move; `moved` is called after every change. Keys are taken from `keys`, which may be the window or
+     * `pose` gives the one to move; `moved` is called after every change, `focus` with a place that was clicked or tapped twice, CSS px
+     * of the surface. Keys are taken from `keys`, which may be the window or
      * an element around the surface: letters wherever the focus is, but in a field; arrows, which others need, of the surface only.
      */
-    constructor(private readonly surface: HTMLElement, private readonly pose: () => Pose | null, private readonly moved: () => void, keys: EventTarget) {
+    constructor(private readonly surface: HTMLElement, private readonly pose: () => Pose | null, private readonly moved: () => void, private readonly focus: (x: number, y: number) => void, keys: EventTarget) {
         const signal = this.stop.signal;
         surface.style.touchAction = 'none';
         surface.addEventListener('pointerdown', (event) => this.down(event), { signal });
         surface.addEventListener('pointermove', (event) => this.drag(event), { signal });
+        surface.addEventListener('pointerup', (event) => this.click(event), { signal });
         for (const name of ['pointerup', 'pointercancel', 'lostpointercapture'] as const) {
             surface.addEventListener(name, (event) => this.pointers.delete(event.pointerId), { signal });
         }
@@ -55,18 +70,25 @@ export class Controls {
     letGo(): void {
         this.pressed.clear();
         this.pointers.clear();
+        this.glide.stop();
     }
 
-    /** Whether keys or pointers are held. */
+    /** Ends motion that goes on by itself, as when the camera is put elsewhere. */
+    halt(): void {
+        this.glide.stop();
+    }
+
+    /** Whether keys or pointers are held, or the camera still glides. */
     get active(): boolean {
-        return this.pressed.size > 0 || this.pointers.size > 0;
+        return this.pressed.size > 0 || this.pointers.size > 0 || this.glide.isMoving;
     }
 
-    /** Moves by the keys held for this many seconds. Returns whether the pose changed. */
+    /** Moves by the keys held for this many seconds, and glides on. Returns whether the pose changed. */
     advance(secs: number): boolean {
         const pose = this.pose();
-        if (!pose || !this.enabled || this.pressed.size === 0) return false;
+        if (!pose || !this.enabled || (this.pressed.size === 0 && !this.glide.isMoving)) return false;
         for (const code of this.pressed) this.step(pose, code, secs);
+        this.glide.advance(pose, secs, this.mode === 'fly', Boolean(reducedMotion?.matches));
         return true;
     }
 
@@ -81,6 +103,18 @@ export class Controls {
         this.surface.focus({ preventScroll: true });
         this.surface.setPointerCapture(event.pointerId);
         this.pointers.set(event.pointerId, { x: event.clientX, y: event.clientY });
+        this.downAt = [event.clientX, event.clientY];
+    }
+
+    /** A second click or tap at the place of the first focuses. Not all browsers tell of double taps. */
+    private click({ clientX: x, clientY: y, timeStamp, button }: PointerEvent): void {
+        const [startX, startY] = this.downAt, before = this.clicked;
+        const isClick = button === 0 && this.pointers.size === 1 && Math.hypot(x - startX, y - startY) <= CLICK_PX;
+        this.clicked = isClick ? { at: timeStamp, x, y } : { ...before, at: -Infinity };
+        if (!isClick || timeStamp - before.at > DOUBLE_MS || Math.hypot(x - before.x, y - before.y) > 4 * CLICK_PX) return;
+        this.clicked.at = -Infinity;
+        const { left, top } = this.surface.getBoundingClientRect();
+        if (this.enabled && this.focuses) this.focus(x - left, y - top);
     }
 
     private drag(event: PointerEvent): void {
@@ -93,14 +127,15 @@ export class Controls {
             // Two fingers: what they span scales the distance, their middle shifts the scene.
             const before = Math.hypot(last.x - others[0].x, last.y - others[0].y);
             const after = Math.hypot(event.clientX - others[0].x, event.clientY - others[0].y);
-            if (this.zoom && before > 0 && after > 0) pose.dolly(before / after);
+            const middle = { clientX: (event.clientX + others[0].x) / 2, clientY: (event.clientY + others[0].y) / 2 };
+            if (this.zoom && before > 0 && after > 0) this.glide.dolly(before / after, ...this.placeOf(pose, middle));
             this.pan(pose, dx / 2, dy / 2);
         } else if (event.buttons & 6 || event.shiftKey) {
             this.pan(pose, dx, dy);
         } else {
             // In orbit the scene follows the pointer; in flight the view is dragged along.
             const sign = this.mode === 'fly' ? -1 : 1;
-            pose.turn(sign * dx * RADIANS_PER_PX, sign * dy * RADIANS_PER_PX, this.mode === 'fly');
+            this.glide.turn(sign * dx * RADIANS_PER_PX, sign * dy * RADIANS_PER_PX);
         }
         this.pointers.set(event.pointerId, { x: event.clientX, y: event.clientY });
         this.moved();
@@ -110,7 +145,13 @@ export class Controls {
     private pan(pose: Pose, dx: number, dy: number): void {
         const { clientWidth, clientHeight } = this.surface;
         const view = pose.view(clientWidth, clientHeight);
-        pose.move(-dx * pose.distance / view.focalPx[0], -dy * pose.distance / view.focalPx[1], 0);
+        this.glide.shift(-dx / view.focalPx[0], -dy / view.focalPx[1]);
+    }
+
+    /** Where the pointer is in the image, CSS px, and the view of that. */
+    private placeOf(pose: Pose, { clientX, clientY }: { clientX: number; clientY: number }): [at: [number, number], view: View] {
+        const { left, top, width, height } = this.surface.getBoundingClientRect();
+        return [[clientX - left, clientY - top], pose.view(width, height)];
     }
 
     private wheel(event: WheelEvent): void {
@@ -119,7 +160,7 @@ export class Controls {
         event.preventDefault();
         const px = event.deltaMode === WheelEvent.DOM_DELTA_PIXEL ? event.deltaY : 33 * event.deltaY;
         if (this.mode === 'fly') pose.move(0, 0, -px * DOLLY_PER_PX * pose.distance);
-        else pose.dolly(Math.exp(px * DOLLY_PER_PX));
+        else this.glide.dolly(Math.exp(px * DOLLY_PER_PX), ...this.placeOf(pose, event));
         this.moved();
     }
 

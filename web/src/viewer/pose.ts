@@ -8,7 +8,10 @@ import { add, cross, dot, length, normalize, scale, sub, turned, type Vec3 } fro
 /** Closest that the direction of view comes to straight up or down, radians. */
 const POLE_MARGIN = 0.02;
 
-/** Focal lengths and principal point for an image of this size; it is fitted into the viewport, whole. */
+/** An image of quite another shape is not enlarged further to cover a viewport: it would show too little, and that blurred. */
+const COVER_MAX = 2;
+
+/** Focal lengths and principal point for an image of this size. */
 export type Lens = Pick<SceneCamera, 'widthPx' | 'heightPx' | 'focalPx' | 'principalPx'>;
 
 export class Pose {
@@ -19,6 +22,8 @@ export class Pose {
     centre: Vec3 = [0, 0, 0];
     /** Distance of the point that orbits go around, in front of the camera. */
     distance = 1;
+    /** Whether the lens's image fills the viewport, which cuts two of its sides off, instead of lying in it whole. */
+    covers = false;
     lens: Lens = { widthPx: 640, heightPx: 480, focalPx: [600, 600], principalPx: [320, 240] };
 
     constructor(readonly up: Vec3 = [0, 1, 0]) {}
@@ -29,6 +34,7 @@ export class Pose {
         [this.right, this.down, this.forward] = [0, 3, 6].map((i) => [r[i], r[i + 1], r[i + 2]] as Vec3) as [Vec3, Vec3, Vec3];
         this.centre = centreOf(camera);
         this.lens = camera;
+        this.covers = false;
     }
 
     get target(): Vec3 {
@@ -59,6 +65,13 @@ export class Pose {
         this.centre = add(target, this.forward, -this.distance);
     }
 
+    /** Comes closer, or goes away, and keeps what stands at the target's distance under a pixel of the image where it is. */
+    dollyTo([x, y]: readonly [number, number], view: View, factor: number): void {
+        const kept = (1 - factor) * this.distance;
+        this.dolly(factor);
+        this.move(kept * (x - view.principalPx[0]) / view.focalPx[0], kept * (y - view.principalPx[1]) / view.focalPx[1], 0);
+    }
+
     /** Looks at a point from where it stands, with the horizon level. */
     lookAt(point: Vec3): void {
         const offset = sub(point, this.centre);
@@ -71,7 +84,7 @@ export class Pose {
     /** What it sees in a viewport of this size. */
     view(widthPx: number, heightPx: number): View {
         const { lens } = this;
-        const { scale: ratio, x, y } = fitted(lens, widthPx, heightPx);
+        const { scale: ratio, x, y } = fitted(lens, widthPx, heightPx, this.covers);
         return {
             rotation: [...this.right, ...this.down, ...this.forward],
             translation: [-dot(this.right, this.centre), -dot(this.down, this.centre), -dot(this.forward, this.centre)],
@@ -93,18 +106,21 @@ export class Pose {
     }
 }
 
-/** Where an image of `lens` lies in a viewport that shows it whole: its scale and its upper left corner, px. */
-export function fitted(lens: Lens, widthPx: number, heightPx: number): { scale: number; x: number; y: number } {
-    const ratio = Math.min(widthPx / lens.widthPx, heightPx / lens.heightPx);
+/** Where an image of `lens` lies in a viewport that shows it whole, or that it covers: its scale and its upper left corner, px. */
+export function fitted(lens: Lens, widthPx: number, heightPx: number, covers = false): { scale: number; x: number; y: number } {
+    const [across, down] = [widthPx / lens.widthPx, heightPx / lens.heightPx];
+    const whole = Math.min(across, down);
+    const ratio = covers ? Math.min(Math.max(across, down), COVER_MAX * whole) : whole;
     return { scale: ratio, x: (widthPx - lens.widthPx * ratio) / 2, y: (heightPx - lens.heightPx * ratio) / 2 };
 }
 
-/** A pose to begin with: that of the home camera, orbiting around what all cameras look at. */
+/** A pose to begin with: that of the home camera, whose image covers the viewport, orbiting around what all cameras look at. */
 export function homePose(info: SceneInfo, bounds: Sphere): Pose {
     const cameras = info.cameras;
     const pose = new Pose(upOf(info));
     if (cameras.length > 0) {
         pose.goTo(homeCamera(info)!);
+        pose.covers = true;
         pose.distance = orbitDistance(pose, cameras, bounds);
         return pose;
     }
@@ -114,6 +130,24 @@ export function homePose(info: SceneInfo, bounds: Sphere): Pose {
     pose.centre = add(bounds.centre, scale(normalize([x, y, z]), 2.5 * bounds.radius));
     pose.lookAt(bounds.centre);
     return pose;
+}
+
+/**
+ * Brings a pose back to where photos were taken: within `reach` of a camera's place, in parts of the mean distance of these places
+ * from their middle (of the target, if there is one place only).
+ */
+export function keepNear(pose: Pose, cameras: readonly SceneCamera[], reach: number): void {
+    if (cameras.length === 0) return;
+    const places = cameras.map(centreOf);
+    const middle = scale(places.reduce((sum, place) => add(sum, place), [0, 0, 0]), 1 / places.length);
+    const spread = places.reduce((sum, place) => sum + length(sub(place, middle)), 0) / places.length || pose.distance;
+    const nearest = places.reduce((best, place) => (length(sub(place, pose.centre)) < length(sub(best, pose.centre)) ? place : best));
+    const away = length(sub(pose.centre, nearest)), allowed = reach * spread;
+    if (away <= allowed) return;
+    const target = pose.target;
+    pose.centre = add(nearest, sub(pose.centre, nearest), allowed / away);
+    // Closer to the target or farther, so that orbits go on around it.
+    pose.distance = Math.max(dot(sub(target, pose.centre), pose.forward), 1e-6);
 }
 
 /** The one that the file names, else the first of the training. */

@@ -1,5 +1,6 @@
 /** A scene on a canvas: reads it as it arrives, moves the camera, and draws when something has changed. */
 
+import { pick } from '../core/pick';
 import type { SceneCamera, SceneInfo } from '../core/scene';
 import type { Colours } from '../core/render/colours';
 import { type DrawOptions, SplatRenderer } from '../core/render/renderer';
@@ -8,9 +9,12 @@ import { startReading, startWorker } from '../core/worker/start';
 import { errorOf, type FromWorker, type KeptFile, type Source, stored, type StoredSource } from '../core/worker/messages';
 import { sceneBounds, type Sphere } from './bounds';
 import { Controls } from './controls';
+import { reducedMotion } from './motion';
 import { Pace, type Plan, type Precision } from './pace';
-import { homePose, type Pose } from './pose';
+import { fitted, homePose, keepNear, type Pose } from './pose';
+import { pointAt, rayThrough } from './ray';
 import { readSurfaces, type SplatSurfaces } from './surfaces';
+import { add, sub, type Vec3 } from './vector';
 
 export interface ViewerEvents {
     /** Header and metadata are there. */
@@ -52,6 +56,7 @@ export interface FrameFigures {
 
 /** Phones have more pixels than anybody sees; each costs dozens of fragments. */
 const MAX_PIXEL_RATIO = 2;
+const TURNING_MS = 350;
 
 /** A file to read, and how. */
 interface Reading {
@@ -73,6 +78,11 @@ export class Viewer {
     /** Radians per second around the target. */
     autoRotate = 0;
     info: SceneInfo | null = null;
+    /** Keeps the camera where photos were taken: within this reach of one, see `keepNear`. */
+    reach = Infinity;
+    /** A turn of the camera to a point, which it orbits around from then on. */
+    private turning: { readonly from: Vec3; readonly to: Vec3; readonly startMs: number } | null = null;
+    private looked: Promise<SplatSurfaces> | null = null;
     /** Drawn instead of the plain image, if set: for comparisons side by side. */
     compose: ((view: View, options: DrawOptions) => void) | null = null;
     private bounds: Sphere | null = null;
@@ -113,7 +123,7 @@ export class Viewer {
         this.controls = new Controls(canvas, () => this.pose, () => {
             this.events.held?.();
             this.moved();
-        }, keys);
+        }, (x, y) => void this.focusOn(x, y).catch((error) => console.warn('focus:', error)), keys);
         this.resize = new ResizeObserver(() => {
             this.pace.forget();
             this.invalidate();
@@ -150,6 +160,7 @@ export class Viewer {
     clear(): void {
         this.close();
         this.scene++;
+        this.looked = null;
         this.info = this.pose = this.bounds = this.kept = null;
         this.replacing = this.complete = this.completeDrawn = this.isUnsorted = false;
         this.canvas.width = 1; // empties it
@@ -184,6 +195,7 @@ export class Viewer {
     goTo(camera: SceneCamera): void {
         if (!this.pose) return;
         const target = this.pose.target;
+        this.halt();
         this.pose.goTo(camera);
         this.pose.distance = Math.max(Math.hypot(...target.map((t, i) => t - this.pose!.centre[i])), 1e-6);
         this.moved();
@@ -192,6 +204,7 @@ export class Viewer {
     /** Goes back to where it began. */
     home(): void {
         if (!this.info) return;
+        this.halt();
         this.pose = homePose(this.info, this.boundsOfScene());
         this.moved();
     }
@@ -199,7 +212,30 @@ export class Viewer {
     /** The splats that are shown, for picking: read once more, without colours. Rejects while the file is not there as a whole. */
     async surfaces(): Promise<SplatSurfaces> {
         if (!this.kept) throw new Error('The file is still being read');
-        return readSurfaces(this.kept, this.maxSplats);
+        const { scene } = this;
+        const looked = this.looked ??= readSurfaces(this.kept, this.maxSplats);
+        looked.catch(() => { if (scene === this.scene) this.looked = null; });
+        return looked;
+    }
+
+    /** Turns to the surface that is shown at a place of the canvas, CSS px, and orbits around it from then on. Resolves to whether there is one. */
+    async focusOn(x: number, y: number): Promise<boolean> {
+        const { pose, info, scene, canvas } = this;
+        if (!pose || !info) return false;
+        const ray = rayThrough(pose.view(canvas.clientWidth, canvas.clientHeight), [x, y], info.near);
+        const found = pick(await this.surfaces(), ray);
+        if (!found || scene !== this.scene || pose !== this.pose) return false;
+        this.turning = { from: pose.target, to: pointAt(ray, found.distance), startMs: performance.now() };
+        this.invalidate();
+        return true;
+    }
+
+    /** Whether the image of the camera that was gone to lies in the canvas whole, so that its photo can be laid over it. */
+    get isWhole(): boolean {
+        const { pose, canvas: { clientWidth, clientHeight } } = this;
+        if (!pose?.covers) return true;
+        const [covering, whole] = [true, false].map((covers) => fitted(pose.lens, clientWidth, clientHeight, covers).scale);
+        return covering * Math.max(clientWidth, clientHeight) < whole * Math.max(clientWidth, clientHeight) + whole;
     }
 
     /** Draws soon. */
@@ -246,6 +282,7 @@ export class Viewer {
         this.pace.drop();
         this.held = [];
         this.scene++;
+        this.looked = null;
         this.replacing = this.complete = this.completeDrawn = this.isUnsorted = false;
         if (this.info) this.boundsOfScene(); // as long as the centres are there
         if (!this.isResting) this.events.lost?.();
@@ -277,6 +314,7 @@ export class Viewer {
             case 'info':
                 this.info = message.info;
                 this.scene++;
+                this.looked = null;
                 this.bounds = null;
                 this.replacing = reading.whole;
                 this.complete = this.completeDrawn = this.isUnsorted = false;
@@ -326,7 +364,24 @@ export class Viewer {
         this.invalidate();
     }
 
+    /** Ends motion that goes on by itself. */
+    private halt(): void {
+        this.turning = null;
+        this.controls.halt();
+    }
+
+    /** Turns on towards a point. */
+    private turn(time: number): void {
+        const { pose, turning } = this;
+        if (!pose || !turning) return;
+        const done = reducedMotion?.matches ? 1 : Math.min(1, Math.max(0, (time - turning.startMs) / TURNING_MS));
+        pose.lookAt(add(turning.from, sub(turning.to, turning.from), done * done * (3 - 2 * done)));
+        if (done === 1) this.turning = null;
+        this.moved();
+    }
+
     private moved(): void {
+        if (this.pose && this.info && this.reach < Infinity) keepNear(this.pose, this.info.cameras, this.reach);
         this.pace.moved();
         this.events.camera?.();
         this.invalidate();
@@ -337,7 +392,11 @@ export class Viewer {
         if (this.renderer.lost) return; // `restored` goes on
         const secs = Math.min(0.1, (time - this.lastTick) / 1000);
         this.lastTick = time;
-        if (this.controls.advance(secs)) this.moved();
+        if (this.controls.advance(secs)) {
+            this.turning = null;
+            this.moved();
+        }
+        this.turn(time);
         if (this.autoRotate && this.pose && !this.controls.active) {
             this.pose.turn(this.autoRotate * secs, 0);
             this.moved();
@@ -358,7 +417,7 @@ export class Viewer {
                 pace.draw(plan, () => this.paint(view, plan));
             }
         }
-        const again = (this.dirty && !this.replacing) || pace.isDrawing || pace.isUnsettled || this.controls.active || this.autoRotate;
+        const again = (this.dirty && !this.replacing) || pace.isDrawing || pace.isUnsettled || this.controls.active || this.turning || this.autoRotate;
         if (again && !this.frame) this.frame = requestAnimationFrame((next) => this.tick(next));
     }
 

@@ -78,9 +78,10 @@ export class PageServer {
             'Content-Type': type, 'Content-Length': Buffer.byteLength(body), 'Cache-Control': 'no-store', 'Content-Security-Policy': csp, Connection: 'close',
             'X-Content-Type-Options': 'nosniff', 'Cross-Origin-Resource-Policy': 'same-origin', 'Cross-Origin-Opener-Policy': 'same-origin',
         }).end(body);
-        const [, token, ...path] = request.url!.split('/');
+        const { pathname } = new URL(request.url!, 'http://localhost'); // as the program, which ignores queries
+        const [, token, ...path] = pathname.split('/');
         const html = readFileSync(PAGE, 'utf8');
-        if (request.url === '/') return void send('text/html; charset=utf-8', html, policy(html, 'server'));
+        if (pathname === '/') return void send('text/html; charset=utf-8', html, policy(html, 'server'));
         const what = token === TOKEN ? path.join('/') : '';
         const photo = this.photos[Number(/^photo\/(\d+)$/.exec(what)?.[1] ?? -1)];
         if (what === 'session.json') send('application/json', JSON.stringify(this.session));

@@ -69,11 +69,11 @@ test.each(['bundler', 'nodenext'])('types resolve as %s does it', (resolution) =
     }
 }, 60_000);
 
-test('the core, with its reader, is at most 35 kB', () => {
+test('the core, with its reader, is at most 45 kB', () => {
     const sizes = Object.fromEntries(Object.keys(manifest.exports).map((entry) => [entry, gzipBytes(entry)]));
     if (process.env.LITETEX_FIGURES) console.log(sizes);
-    expect(sizes['.']).toBeLessThanOrEqual(35_000);
-    expect(sizes['./element']).toBeLessThanOrEqual(45_000);
+    expect(sizes['.']).toBeLessThanOrEqual(45_000);
+    expect(sizes['./element']).toBeLessThanOrEqual(55_000);
 });
 
 test('the readers run in Node.js', async () => {

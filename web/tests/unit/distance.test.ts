@@ -3,7 +3,8 @@ import { pick } from '../../src/core/pick';
 import { readMeta } from '../../src/core/read/meta';
 import { viewOf } from '../../src/core/render/view';
 import type { SceneInfo } from '../../src/core/scene';
-import { distanceOf, placeOf, pointAt, rayThrough, scaleOption } from '../../src/page/distance';
+import { distanceOf, placeOf, scaleOption } from '../../src/page/distance';
+import { pointAt, rayThrough } from '../../src/viewer/ray';
 import type { Vec3 } from '../../src/viewer/vector';
 import { file, outcomeOf } from './scenes';
 

@@ -1,7 +1,8 @@
 import { expect, test } from 'vitest';
 import type { SceneCamera, SceneInfo } from '../../src/core/scene';
 import { centreOf, viewOf } from '../../src/core/render/view';
-import { fitted, homePose, Pose } from '../../src/viewer/pose';
+import { Glide } from '../../src/viewer/glide';
+import { fitted, homePose, keepNear, Pose } from '../../src/viewer/pose';
 import { cross, dot, length, type Vec3 } from '../../src/viewer/vector';
 
 const CAMERA: SceneCamera = {
@@ -73,4 +74,75 @@ test('a yaw turns the view to the right, a pitch downwards', () => {
     expect(pose.forward[0]).toBeGreaterThan(0.05);
     expect(pose.forward[1]).toBeLessThan(-0.05);
     expect(centreOf({ rotation: pose.view(1, 1).rotation, translation: pose.view(1, 1).translation })).toEqual([0, 0, 0].map((v) => expect.closeTo(v, 9)) as unknown as Vec3);
+});
+
+test('the first view covers the viewport; one of quite another shape, up to twice as large as whole', () => {
+    expect(fitted(CAMERA, 400, 600, true)).toEqual({ scale: 2, x: -200, y: 0 });
+    expect(fitted(CAMERA, 400, 1500, true).scale).toBe(2);
+    const info = { worldFromData: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1], cameras: [CAMERA], home: 0 } as unknown as SceneInfo;
+    const pose = homePose(info, { centre: [0, 0, 0], radius: 1 });
+    expect(pose.view(400, 600).focalPx).toEqual([700, 680]);
+    pose.goTo(CAMERA);
+    expect(pose.view(400, 600).focalPx).toEqual([350, 340]);
+});
+
+/** Where a view shows a point, px. */
+function shown(pose: Pose, point: Vec3): [number, number] {
+    const { focalPx, principalPx } = pose.view(400, 300);
+    const [x, y, z] = [pose.right, pose.down, pose.forward].map((axis) => dot(axis, [0, 1, 2].map((i) => point[i] - pose.centre[i]) as Vec3));
+    return [focalPx[0] * x / z + principalPx[0], focalPx[1] * y / z + principalPx[1]];
+}
+
+test('zooming keeps what is under the pointer there', () => {
+    const pose = new Pose();
+    pose.goTo(CAMERA);
+    pose.distance = 4;
+    const view = pose.view(400, 300), at = [310, 40] as const;
+    // At the distance of the target, under that pixel.
+    const slope = [(at[0] - view.principalPx[0]) / view.focalPx[0], (at[1] - view.principalPx[1]) / view.focalPx[1]];
+    const point = [0, 1, 2].map((i) => pose.centre[i] + 4 * (pose.forward[i] + slope[0] * pose.right[i] + slope[1] * pose.down[i])) as Vec3;
+    pose.dollyTo(at, view, 0.5);
+    expect(pose.distance).toBeCloseTo(2, 12);
+    shown(pose, point).forEach((px, i) => expect(px).toBeCloseTo(at[i], 9));
+    // Control: towards the middle it would move.
+    pose.dolly(0.5);
+    expect(Math.abs(shown(pose, point)[0] - at[0])).toBeGreaterThan(20);
+});
+
+test('what was asked for is done over some images, all of it in the end', () => {
+    const [gliding, atOnce] = [new Pose(), new Pose()];
+    const glide = new Glide(), other = new Glide();
+    for (const one of [glide, other]) {
+        one.turn(0.3, 0.1);
+        one.shift(0.2, -0.1);
+    }
+    other.advance(atOnce, 1 / 60, false, true);
+    expect(other.isMoving).toBe(false);
+    glide.advance(gliding, 1 / 60, false, false);
+    expect(glide.isMoving).toBe(true);
+    expect(dot(gliding.forward, atOnce.forward)).toBeLessThan(0.99);
+    for (let i = 0; i < 60; i++) glide.advance(gliding, 1 / 60, false, false);
+    expect(glide.isMoving).toBe(false);
+    expect(dot(gliding.forward, atOnce.forward)).toBeGreaterThan(0.999);
+    glide.turn(1, 0);
+    glide.stop();
+    expect(glide.isMoving).toBe(false);
+});
+
+test('the camera stays where photos were taken', () => {
+    const at = (x: number): SceneCamera => ({ ...CAMERA, rotation: [1, 0, 0, 0, 1, 0, 0, 0, 1], translation: [-x, 0, 0] });
+    const cameras = [at(-1), at(1)]; // one unit from their middle
+    const pose = new Pose();
+    pose.goTo(cameras[1]);
+    pose.distance = 3;
+    pose.centre = [1, 0, 0.2];
+    keepNear(pose, cameras, 0.3);
+    expect(pose.centre).toEqual([1, 0, 0.2]);
+    expect(pose.distance).toBe(3);
+    pose.centre = [1, 0, 2];
+    keepNear(pose, cameras, 0.3);
+    pose.centre.forEach((c, i) => expect(c).toBeCloseTo([1, 0, 0.3][i], 12));
+    expect(pose.target[2]).toBeCloseTo(5, 12); // the target has stayed
+    keepNear(pose, [], 0.3);
+    expect(pose.centre[2]).toBeCloseTo(0.3, 12);
 });

@@ -89,7 +89,7 @@ export class Atlas {
         gl.uniform1i(program.uniform('end'), buffers.count);
         gl.uniform1i(program.uniform('halvings'), this.halvings);
         gl.uniform2f(program.uniform('atlasSize'), ATLAS_COLUMNS, this.rows);
-        this.batches.draw(buffers.count - first);
+        if (buffers.count > first) this.batches.draw(buffers.count - first);
         gl.disable(gl.SCISSOR_TEST);
     }
 }
