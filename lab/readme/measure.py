@@ -8,6 +8,7 @@ Every file is rendered from the held-out views and compared with the photos. Wri
 
 Needs Node.js 20 with npm, and the Python packages of tests/third_party/requirements.txt named numpy and pillow.
 """
+import functools
 import json
 import sys
 from pathlib import Path
@@ -17,7 +18,8 @@ from shared import ROOT, run, write
 
 BUDGETS = [75_000, 150_000, 300_000]
 CAPTURES = ["fox", "flower"]
-SETTINGS = ["--max-resolution", "480", "--steps", "1000", "--seed", "1", "--device", "cpu"]
+SIZE_PX = 480
+SETTINGS = ["--max-resolution", str(SIZE_PX), "--steps", "1000", "--seed", "1", "--device", "cpu"]
 PACKAGE = "@playcanvas/splat-transform"
 PINNED = json.loads((ROOT / "tests/third_party/package.json").read_text())["dependencies"][PACKAGE]
 # What is made of a scene of each policy.
@@ -64,11 +66,21 @@ def export(binary, run_folder, extension, folder):
     return file, file
 
 
+@functools.cache
+def held_out(binary, capture):
+    """Photos of the held-out views by the names of their renders, and the longer side of those renders in pixels."""
+    said = json.loads(run(binary, "inspect", capture, "--json"))
+    folder = capture / "images" if said["format"] == "colmap" else capture
+    longest = max(int(side) for size in said["sizes"] for side in size.split("x"))
+    return {Path(view).with_suffix(".png"): folder / view for view in said["test_views"]}, min(longest, SIZE_PX)
+
+
 def score(binary, file, capture, folder):
     """Quality figures of a file on the photos of the held-out views, which are written into `folder` as well."""
     renders, targets = folder / f"{file.stem}-{file.suffix[1:]}", folder / "photos"
-    run(binary, "-q", "render", file, "--capture", capture, "--test", "--size", "480", "-o", renders, "--force", "--device", "cpu")
-    photos.write_like(capture / "images", renders, targets)
+    views, size_px = held_out(binary, capture)
+    run(binary, "-q", "render", file, "--capture", capture, "--test", "--size", size_px, "-o", renders, "--force", "--device", "cpu")
+    photos.write_like(views, renders, targets)
     figures = json.loads(run(binary, "compare", renders, targets, "--json", "--device", "cpu"))
     # Without the folders that were compared.
     return {key: value for key, value in figures.items() if key not in ("a", "b")}

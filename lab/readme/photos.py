@@ -1,4 +1,4 @@
-"""Photos at the size of training: averaged over the area of each pixel, as litetex does."""
+"""Photos as litetex sees them: over black where they are transparent, and averaged over the area of each pixel."""
 import numpy
 from PIL import Image
 
@@ -13,17 +13,17 @@ def weights(size, target):
 
 def reduced(path, width, height):
     """A photo in 8 bits at this size."""
-    image = numpy.asarray(Image.open(path).convert("RGB"), dtype=numpy.float64)
+    pixels = numpy.asarray(Image.open(path).convert("RGBA"), dtype=numpy.float64)
+    image = pixels[..., :3] * (pixels[..., 3:] / 255)
     rows, columns = weights(image.shape[0], height), weights(image.shape[1], width)
-    means = numpy.einsum("yr,rxc->yxc", rows, numpy.einsum("rsc,xs->rxc", image, columns))
+    means = numpy.einsum("yr,rsc,xs->yxc", rows, image, columns, optimize=True)
     return Image.fromarray(numpy.clip(numpy.round(means), 0, 255).astype(numpy.uint8))
 
 
 def write_like(photos, renders, targets):
-    """Writes the photo of each render, at its size and under its name, unless it is there."""
-    targets.mkdir(parents=True, exist_ok=True)
-    for render in sorted(renders.glob("*.png")):
-        target = targets / render.name
+    """Writes each photo, given by the name of its render, at the size of that render, unless it is there."""
+    for name, photo in photos.items():
+        target = targets / name
         if not target.exists():
-            photo = next(path for path in sorted(photos.iterdir()) if path.stem == render.stem)
-            reduced(photo, *Image.open(render).size).save(target)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            reduced(photo, *Image.open(renders / name).size).save(target)

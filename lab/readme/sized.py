@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Measures files of a wanted size beside others: lab/readme/sized.py BINARY CAPTURES WORK
 
-CAPTURES holds the folders `fox`, `bonsai` and `flower`, WORK keeps runs and files, so that a second call continues. `train
+CAPTURES holds the folders `fox`, `bonsai`, `flower` and `lego`, WORK keeps runs and files, so that a second call continues. `train
 --max-size` makes a `.ltgs` file of each size, with textures and without; untextured scenes become SOG files of about these sizes, and
 textured ones `.ltgs` files of quality `tiny`. Each is compared with the held-out photos. Writes lab/results/sized.jsonl, a line
 per file, and prints what shares of the bytes of other files those of a wanted size take at equal gradient-PSNR. Needs what measure.py
@@ -17,7 +17,7 @@ from shared import run, write
 
 # Wanted bytes, and parameters whose SOG file has about as many.
 SIZES = {50_000: 35_500, 100_000: 84_000, 200_000: 178_000, 400_000: 370_000}
-CAPTURES = ["fox", "bonsai", "flower"]
+CAPTURES = ["fox", "bonsai", "flower", "lego"]
 # Kinds of files: policy, extension, and the option that bounds the run by each bound.
 KINDS = {
     "sized": ("litetex", "ltgs", "--max-size", SIZES),
