@@ -4,6 +4,7 @@
 mod common;
 
 use common::cli::{bad, good, json};
+use litetex_gs::train::charge::Charge;
 use std::fs;
 
 /// A folder with a capture of 9 images, 2 of them held out.
@@ -74,6 +75,33 @@ fn splats_without_textures_have_files_of_a_wanted_size_too() {
     let psnr = place.psnr("run/scene.ltgs");
     assert!(psnr > 80.0, "{psnr}");
     assert_eq!(json(&["inspect", &run])["checkpoint"]["model"]["texels"].as_u64(), Some(0));
+}
+
+#[test]
+fn runs_that_prune_nothing_begin_with_what_their_file_holds() {
+    let place = Place::new();
+    let [capture, run] = ["capture", "run"].map(|name| place.path(name));
+    let train = |policy, more: &[&str]| {
+        let how = ["--max-size", "40kB", "--policy", policy, "--init", "random", "--force", "--json"];
+        good(&Place::training(&capture, &run, &[&how, more].concat()));
+        let summary: serde_json::Value =
+            serde_json::from_slice(&fs::read(place.path("run/summary.json")).unwrap()).unwrap();
+        let warnings = summary["warnings"].as_array().unwrap();
+        let bounded = warnings.iter().find(|warning| warning["code"] == "start-bounded-by-budget").unwrap();
+        let message = bounded["message"].as_str().unwrap();
+        let count = message.split("leaves room for ").nth(1).and_then(|rest| rest.split(' ').next());
+        let splats: f64 = count.unwrap().replace(',', "").parse().unwrap();
+        (splats, fs::metadata(place.path("run/scene.ltgs")).unwrap().len())
+    };
+    let degree_1 = Charge::UNPRUNED_BYTES.of(1, 0);
+    for policy in ["litetex", "plain"] {
+        let (splats, bytes) = train(policy, &["--set", "density.prune-db=0"]);
+        assert!((36_000.0..39_000.0).contains(&(splats * degree_1)), "{policy}: {splats} splats");
+        assert!((38_000..=40_000).contains(&bytes), "{policy}: {bytes} bytes");
+    }
+    // Negative control: pruning leaves room for a start that is larger than the file.
+    let (splats, _) = train("plain", &[]);
+    assert!(splats * degree_1 > 100_000.0, "{splats} splats");
 }
 
 #[test]

@@ -19,6 +19,7 @@ use litetex_gs::memory::machine_bytes;
 use litetex_gs::rounding::Rounder;
 use litetex_gs::run::{
     DeviceEstimate, Recorder, ResourceEstimate, RunConfig, SCENE, Summary, Workload, file_frame, fresh_state,
+    splat_bytes,
 };
 use litetex_gs::text::{counted, shell_word};
 use litetex_gs::train::{
@@ -131,11 +132,9 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<FinishedRun> {
     let resumed = job.resume.as_ref().map(|resume| resume.summary());
     let loaded_secs = started.elapsed().as_secs_f64();
     let statistics = || device::open("cpu", log);
-    if let Some(max_bytes) = job.config.train.max_bytes {
-        let file = FileRounder::new(file_frame(&capture, &job.config), max_bytes, &statistics, &|| true)?;
-        let bound = &mut job.config.train.budget.max_params;
-        *bound = bound.or_else(|| Some(params_for_bytes(file.splat_bytes())));
-    }
+    let params = splat_bytes(&capture, &job.config)?.map(params_for_bytes);
+    let budget = &mut job.config.train.budget.max_params;
+    *budget = budget.or(params);
     let mut state = first_state(&mut job, &capture, &mut report, log)?;
     let earlier_secs = state.history.total_wall_secs;
     let mut backend = device::open(&job.device, log)?;

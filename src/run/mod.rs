@@ -33,7 +33,7 @@ pub use batch_table::{BatchTable, Row, RowStatus, to_json as table_to_json};
 pub use config::{MAX_RESOLUTION_MIN, RunConfig, SaveImages};
 pub use device_estimate::{DeviceEstimate, DeviceNeed};
 pub use evaluations::StagedFolder;
-pub use first_model::{fresh_model, fresh_state};
+pub use first_model::{fresh_model, fresh_state, splat_bytes};
 pub use folder::{
     PREVIEW, RUN_OR_CHECKPOINT, RunFolder, RunLock, SCENE, check_empty, checkpoints_after, find_checkpoint,
     holds_checkpoint, is_checkpoint, is_run, run_of_checkpoint,

@@ -20,6 +20,10 @@ impl Charge {
     /// 129 kB: 5.8, 0.46 and 0.72. With 6.5 for a splat bonsai fits, too; that of a map was not measured.
     pub const BYTES: Self = Self { splat: 6.5, coefficient: 0.46, map: 0.5, texel: 0.72 };
 
+    /// The same of a model that nothing prunes: SH bands that were hardly trained are noise. Measured on random splats of the
+    /// fox after 140 steps: 1.0 (lab/choices.md 24).
+    pub const UNPRUNED_BYTES: Self = Self { coefficient: 1.1, ..Self::BYTES };
+
     /// What a model is charged for that is bounded by the size of its file, or else by its parameters.
     pub fn for_file(has_size: bool) -> Self {
         if has_size { Self::BYTES } else { Self::PARAMS }

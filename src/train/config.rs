@@ -6,7 +6,7 @@
 //! a section of `docs/method.md` ("method 6.1"), which has the measurement; or "not measured".
 
 use super::colour::deserialize_colour;
-use super::density::{Budget, Components, DensityConfig, Policy, RuleSpec};
+use super::density::{Bound, Budget, Components, DensityConfig, Policy, RuleSpec};
 use crate::backend::LossWeights;
 use crate::constants::sh_coefficients;
 use crate::frequency::FrequencyOptions;
@@ -245,11 +245,11 @@ impl TrainConfig {
         if self.density.sh_below > 0.0 { self.sh_degree.min(1) } else { self.sh_degree }
     }
 
-    /// SH degree of a new model of this size: the highest that the budget allows, from the lowest.
-    pub fn first_sh_degree(&self, size: ModelSize, budget: &Budget) -> u32 {
+    /// SH degree of a new model of this size: the highest within the bound, from the lowest.
+    pub fn first_sh_degree(&self, size: ModelSize, bound: &Bound) -> u32 {
         let fits = |&degree: &u32| {
             let sh_coefficients = size.splats.saturating_mul(sh_coefficients(degree));
-            budget.allows(&ModelSize { sh_coefficients, ..size })
+            bound.allows(&ModelSize { sh_coefficients, ..size })
         };
         let least = self.least_sh_degree();
         (least..=self.sh_degree).rev().find(fits).unwrap_or(least)

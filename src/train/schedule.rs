@@ -2,8 +2,9 @@
 //! and 6.1). A run that has a time instead of a number of steps changes the length of what is left on its way
 //! ([`Schedule::changed`]): from there on, the rest of the timetable is stretched or shortened.
 
+use super::charge::Charge;
 use super::config::{LengthChange, TrainConfig};
-use super::density::Budget;
+use super::density::{Bound, Budget};
 use super::rounding_phase::{self, RoundingPhase};
 
 /// Length of the published timetable.
@@ -25,10 +26,6 @@ const SH_TRIAL: f64 = 7_000.0;
 
 /// Views that a round probes, at most. A splat that only other views see would look idle.
 pub const MOST_PROBES: usize = 64;
-
-/// Share of the parameters that a start may have where nothing is pruned after it, so that it fits its file: splats without textures and
-/// SH bands take the most bytes per parameter.
-const UNPRUNED_SHARE: f64 = 0.55;
 
 /// Steps of a run for each probe, unless it has only two rounds of pruning.
 const STEPS_PER_PROBE: u32 = 30;
@@ -227,11 +224,21 @@ impl Schedule {
     pub fn budget(&self, config: &TrainConfig, step: u32) -> Budget {
         let grows = step < self.prune_until || self.rounds_left(step) > 0;
         let overshoot = if grows && self.prune_rounds > 0 { config.density.overshoot } else { 1.0 };
-        // Growth is then bounded by bytes.
-        let is_start = step == 0 && config.max_bytes.is_some() && self.prune_rounds == 0;
-        let safe = if is_start { UNPRUNED_SHARE } else { 1.0 };
-        let raised = |most: usize| (most as f64 * overshoot * safe) as usize;
+        let raised = |most: usize| (most as f64 * overshoot) as usize;
         Budget { max_params: config.most_params().map(raised), ..config.budget }
+    }
+
+    /// What the model may have after a step, with the bytes that a file of a wanted size has for splats: rounds of pruning leave
+    /// what it has room for; without any, the start and growth must.
+    pub fn bound(&self, config: &TrainConfig, step: u32, splat_bytes: Option<f64>) -> Bound {
+        let budget = self.budget(config, step);
+        match splat_bytes.filter(|_| self.prune_rounds == 0) {
+            Some(most_charge) => Bound { budget, charge: Charge::UNPRUNED_BYTES, most_charge },
+            None => {
+                let charge = Charge::for_file(config.max_bytes.is_some());
+                Bound { budget, charge, most_charge: f64::INFINITY }
+            }
+        }
     }
 
     /// Whether a density-control step follows a step.

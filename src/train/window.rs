@@ -1,8 +1,7 @@
 //! Makes a density-control step: reads the statistics window, lets [`density`] decide, and has the backend apply the plan.
 
-use super::charge::Charge;
 use super::config::{Exposure, TrainConfig};
-use super::density::{self, DensityCounts, Revision, Situation, SplatHistory, SplitShare, Timing};
+use super::density::{self, Bound, DensityCounts, Revision, Situation, SplatHistory, SplitShare, Timing};
 use super::exposure::Exposures;
 use super::random::RandomStream;
 use super::schedule::Schedule;
@@ -185,11 +184,11 @@ impl DensityControl<'_> {
             patience: schedule.patience,
             opacity_floor: schedule.opacity_floor(config, step),
         };
-        let mut budget = schedule.budget(config, step);
+        let Bound { mut budget, charge, most_charge } = schedule.bound(config, step, self.splat_bytes);
         if rule.is_paced {
             let each = config.policy.first_texels_each();
             let bare = ModelSize::uniform(state.pace.initial, each, 0);
-            let degree = config.first_sh_degree(bare, &schedule.budget(config, 0));
+            let degree = config.first_sh_degree(bare, &schedule.bound(config, 0, self.splat_bytes));
             let start = ModelSize::uniform(state.pace.initial, each, degree);
             // Only the user's budget is spent evenly over time: the device is a bound, not a budget.
             budget = budget.paced(share, &start, &model.size());
@@ -205,10 +204,9 @@ impl DensityControl<'_> {
             render_scale: self.stage.render_scale,
             texture_cap: self.stage.texture_cap,
             timing,
-            charge: Charge::for_file(config.max_bytes.is_some()),
+            charge,
             budget: state.device.within(&budget, &self.limits, n, self.stage.render_scale),
-            // Rounds of pruning leave what the file has room for; without any, growth must.
-            most_charge: self.splat_bytes.filter(|_| schedule.prune_rounds == 0).unwrap_or(f64::INFINITY),
+            most_charge,
             initial_splats: state.pace.initial,
             seed: RandomStream::Growth.seed(config.seed, step),
         };

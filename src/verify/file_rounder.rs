@@ -46,12 +46,30 @@ pub struct FileRounder<'a> {
     frame: SplatAsset,
     /// Largest size.
     max_bytes: u64,
-    /// Bytes of the file without splats.
-    frame_bytes: u64,
+    /// Bytes that it has for splats.
+    splat_bytes: u64,
     /// Opens the backend that measures sensitivities.
     statistics: &'a dyn Fn() -> Result<Box<dyn Backend>>,
     /// Whether to go on, asked before each view that is measured.
     go_on: GoOn<'a>,
+}
+
+/// Bytes for splats in a file of at most `max_bytes` that holds what `frame` does.
+///
+/// # Errors
+/// [`Error::Usage`] with the smallest size that is possible.
+pub fn bytes_for_splats(frame: &SplatAsset, max_bytes: u64) -> Result<u64> {
+    let options = LtgsOptions { quality: Quality::Custom, ..LtgsOptions::default() };
+    let frame_bytes = encode(frame, &options)?.len() as u64;
+    let least = frame_bytes + TABLE_BYTES + SPLAT_BYTES * SPLATS_MIN;
+    if max_bytes < least {
+        return Err(usage!(
+            "--max-size {}: too small for this capture, whose smallest file has {least} bytes, {frame_bytes} of them for cameras \
+             and other metadata",
+            format_bytes(max_bytes)
+        ));
+    }
+    Ok(max_bytes - frame_bytes - TABLE_BYTES)
 }
 
 impl<'a> FileRounder<'a> {
@@ -59,24 +77,15 @@ impl<'a> FileRounder<'a> {
     /// measures sensitivities, and `go_on` is asked before each view.
     ///
     /// # Errors
-    /// [`Error::Usage`] with the smallest size that is possible.
+    /// As [`bytes_for_splats`].
     pub fn new(
         frame: SplatAsset,
         max_bytes: u64,
         statistics: &'a dyn Fn() -> Result<Box<dyn Backend>>,
         go_on: GoOn<'a>,
     ) -> Result<Self> {
-        let options = LtgsOptions { quality: Quality::Custom, ..LtgsOptions::default() };
-        let frame_bytes = encode(&frame, &options)?.len() as u64;
-        let least = frame_bytes + TABLE_BYTES + SPLAT_BYTES * SPLATS_MIN;
-        if max_bytes < least {
-            return Err(usage!(
-                "--max-size {}: too small for this capture, whose smallest file has {least} bytes, {frame_bytes} of them for cameras \
-                 and other metadata",
-                format_bytes(max_bytes)
-            ));
-        }
-        Ok(Self { frame, max_bytes, frame_bytes, statistics, go_on })
+        let splat_bytes = bytes_for_splats(&frame, max_bytes)?;
+        Ok(Self { frame, max_bytes, splat_bytes, statistics, go_on })
     }
 
     /// The model as an asset; nothing may be left out.
@@ -106,7 +115,7 @@ impl<'a> FileRounder<'a> {
 
 impl Rounder for FileRounder<'_> {
     fn splat_bytes(&self) -> f64 {
-        self.max_bytes.saturating_sub(self.frame_bytes + TABLE_BYTES) as f64
+        self.splat_bytes as f64
     }
 
     fn choose(

@@ -22,7 +22,7 @@ pub use around::{VIEWS_AROUND, views_around};
 pub use baked_scene::{BakedScene, bake_checkpoint};
 pub use contribution::Contribution;
 pub use difference::{Difference, EXPORT_VIEWS, PSNR_TEST, evenly_spread};
-pub use file_rounder::FileRounder;
+pub use file_rounder::{FileRounder, bytes_for_splats};
 pub use identity::{
     CAMERAS_KEY, CaptureIdentity, IDENTITY_KEY, cameras_from_strings, cameras_json, metric_from_strings,
     store_metric, store_up, up_from_strings,

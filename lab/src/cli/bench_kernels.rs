@@ -224,7 +224,7 @@ mod with_gpu {
         log.report(&capture.report);
         // Splats of the default policy begin without maps; kernels are measured with those of the published method.
         let config = TrainConfig { policy: Policy::Paper, ..TrainConfig::default() };
-        let first = fresh_model(&capture, &InitSource::Auto, None, &config)?;
+        let first = fresh_model(&capture, &InitSource::Auto, None, &config, None)?;
         log.report(&first.report);
         let train = capture.indices(Split::Train);
         // Spread over the capture.

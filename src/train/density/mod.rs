@@ -26,7 +26,7 @@ pub use ops::coarse::coarsened;
 pub use ops::regrid::{cropped as cropped_map, window as map_window};
 pub use policy::{FirstMap, Policy, PolicySpec, Rule, policies};
 pub use rule::{RuleSpec, SplitShare};
-pub use settings::{Budget, Components, DensityConfig};
+pub use settings::{Bound, Budget, Components, DensityConfig};
 pub use situation::{DensityCounts, Revision, Situation, Timing};
 pub use sizes::MapRule;
 

@@ -221,6 +221,12 @@ pub struct Bound {
 }
 
 impl Bound {
+    /// Largest number of splats, with `texels_each` texels each, that is within the bound.
+    pub fn most_splats(&self, texels_each: usize, sh_degree: u32) -> usize {
+        let each = self.charge.of(sh_degree as u8, texels_each);
+        self.budget.most_splats(texels_each, sh_degree).min((self.most_charge / each) as usize)
+    }
+
     /// Whether a model of this size is within the bound.
     pub fn allows(&self, size: &ModelSize) -> bool {
         self.budget.allows(size) && self.charge.of_size(size) <= self.most_charge
