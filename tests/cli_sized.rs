@@ -96,7 +96,7 @@ fn runs_that_prune_nothing_begin_with_what_their_file_holds() {
     let degree_1 = Charge::UNPRUNED_BYTES.of(1, 0);
     for policy in ["litetex", "plain"] {
         let (splats, bytes) = train(policy, &["--set", "density.prune-db=0"]);
-        assert!((36_000.0..39_000.0).contains(&(splats * degree_1)), "{policy}: {splats} splats");
+        assert!((36_000.0..40_000.0).contains(&(splats * degree_1)), "{policy}: {splats} splats");
         assert!((38_000..=40_000).contains(&bytes), "{policy}: {bytes} bytes");
     }
     // Negative control: pruning leaves room for a start that is larger than the file.
