@@ -1,6 +1,7 @@
-// Our own package, built into the folder LITETEX_WEB. Option `colours`: "untextured" for the splats that other programs show.
+// Our own package, built into the folder LITETEX_WEB. Options are those of its `draw`: `colours: "untextured"` for the splats that other
+// programs show, `precision`, `onCanvas`.
 import { openScene, SplatRenderer, viewOf } from '/litetex/core.js';
-import { pixels, timed } from '/png.mjs';
+import { pixels } from '/png.mjs';
 
 export async function render(job) {
     const canvas = document.createElement('canvas');
@@ -8,7 +9,7 @@ export async function render(job) {
     const renderer = new SplatRenderer(canvas);
     await openScene({ url: job.url }, (info) => renderer.start(info), (update) => renderer.apply(update)).done;
     const view = viewOf(renderer.info.cameras[renderer.info.home], canvas.width, canvas.height);
-    const options = { colours: job.options.colours ?? 'trained', background: [0, 0, 0] };
+    const options = { ...job.options, background: [0, 0, 0] };
     await renderer.sorted(view);
     renderer.draw(view, options);
     const image = pixels(canvas);
@@ -20,10 +21,10 @@ export async function render(job) {
         translation: [c * t[0] - s * t[2], t[1], c * t[2] + s * t[0]],
     };
     const { gl } = renderer;
-    const ms = await timed(job.times ?? 0, (i) => {
+    const draw = (i) => {
         renderer.draw(i % 2 ? other : view, options);
         gl.bindFramebuffer(gl.FRAMEBUFFER, null);
         gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
-    });
-    return { ...image, ms, figures: renderer.figures };
+    };
+    return { ...image, draw, figures: renderer.figures };
 }

@@ -41,21 +41,6 @@ export async function frames(count, draw) {
     }
 }
 
-/**
- * Milliseconds of images after the first two, each until the GPU is done. `draw(i)` draws image i and reads a pixel back; the camera
- * of odd ones is turned a little, so that programs sort.
- */
-export async function timed(times, draw) {
-    const ms = [];
-    for (let i = 0; i < times + 2; i++) {
-        const start = performance.now();
-        await draw(i);
-        if (i >= 2) ms.push(performance.now() - start);
-        await new Promise((resolve) => setTimeout(resolve, 30)); // workers sort meanwhile
-    }
-    return ms;
-}
-
 /** A camera's matrix, column-major, turned around its own vertical axis. */
 export function turned(m, radians) {
     const [c, s] = [Math.cos(radians), Math.sin(radians)];

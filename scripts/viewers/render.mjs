@@ -4,10 +4,12 @@
 //
 // JOBS.json: `[{name, program, file, options, camera}]`. `program` names a module beside this file, `file` what it loads, and
 // `camera` is `{width, height, worldFromCamera, window: {left, right, bottom, top}, near}`: a column-major matrix of a camera that
-// looks along -z with y up, and its image at depth 1. Writes OUT/NAME.png for each job, and OUT/report.json with what failed and, for jobs
-// with `times`, milliseconds of that many images.
+// looks along -z with y up, and its image at depth 1. Writes OUT/NAME.png for each job, and OUT/report.json with what failed.
+//
+// Jobs with `times` are measured, too, when all are loaded: that many times, each draws two images in turn with the others, and the
+// report has the CPU milliseconds of the browser's graphics process an image. LITETEX_DRIVER: `swiftshader` (default) or `gl-egl`, Mesa's.
 
-import { createReadStream, existsSync, mkdirSync, readFileSync, writeFileSync } from 'node:fs';
+import { createReadStream, existsSync, mkdirSync, readdirSync, readFileSync, writeFileSync } from 'node:fs';
 import { createServer } from 'node:http';
 import { dirname, extname, join, normalize } from 'node:path';
 import { fileURLToPath } from 'node:url';
@@ -15,9 +17,15 @@ import { chromium } from 'playwright-core';
 
 const HERE = dirname(fileURLToPath(import.meta.url));
 const BROWSERS = ['chromium', 'chromium-browser', 'google-chrome', 'google-chrome-stable'];
+const DRIVER = process.env.LITETEX_DRIVER ?? 'swiftshader';
+const DRIVERS = {
+    swiftshader: ['--enable-unsafe-webgpu', '--use-webgpu-adapter=swiftshader', '--use-angle=swiftshader', '--enable-unsafe-swiftshader',
+        '--use-vulkan=swiftshader', '--enable-features=Vulkan,WebGPU'],
+    'gl-egl': ['--use-angle=gl-egl', '--ignore-gpu-blocklist'],
+};
 const FLAGS = ['--headless=new', '--no-sandbox', '--disable-quic', '--no-first-run', '--disable-background-networking',
-    '--disable-component-update', '--disable-sync', '--enable-unsafe-webgpu', '--use-webgpu-adapter=swiftshader', '--use-angle=swiftshader',
-    '--enable-unsafe-swiftshader', '--use-vulkan=swiftshader', '--enable-features=Vulkan,WebGPU'];
+    '--disable-component-update', '--disable-sync', ...DRIVERS[DRIVER]];
+const IMAGES = 2, MS_PER_TICK = 10;
 const TYPES = { '.html': 'text/html', '.js': 'text/javascript', '.mjs': 'text/javascript', '.wasm': 'application/wasm', '.json': 'application/json' };
 const TIMEOUT_MS = 240_000;
 
@@ -46,8 +54,9 @@ const done = (result) => { window.result = result; };
 addEventListener('unhandledrejection', (event) => done({ error: String(event.reason?.stack ?? event.reason) }));
 try {
     const job = ${JSON.stringify(job)};
-    const { ms, figures, ...image } = await render(job);
-    done({ png: await png(image), ms, figures });
+    const { draw, figures, ...image } = await render(job);
+    window.draw = draw;
+    done({ png: await png(image), figures });
 } catch (error) {
     done({ error: String(error?.stack ?? error) });
 }
@@ -69,6 +78,18 @@ function serve(jobs) {
     return new Promise((resolve) => server.listen(0, '127.0.0.1', () => resolve(server)));
 }
 
+/** CPU milliseconds of the browser's graphics process so far. */
+function spentMs() {
+    for (const pid of readdirSync('/proc').filter((name) => /^\d+$/.test(name))) {
+        const of = (name) => { try { return readFileSync(`/proc/${pid}/${name}`, 'utf8'); } catch { return ''; } };
+        const command = of('cmdline');
+        if (!command.includes('--type=gpu-process') || !command.includes(DRIVER)) continue;
+        const fields = of('stat').split(') ')[1].split(' ');
+        return MS_PER_TICK * (Number(fields[11]) + Number(fields[12]));
+    }
+    throw new Error('the browser has no graphics process');
+}
+
 const [jobsFile, out] = process.argv.slice(2);
 const jobs = JSON.parse(readFileSync(jobsFile, 'utf8')).map((job, i) => ({ ...job, url: `/files/${i}/${job.file.split('/').pop()}` }));
 const executablePath = (process.env.PATH ?? '').split(':').flatMap((folder) => BROWSERS.map((name) => join(folder, name))).find(existsSync);
@@ -76,7 +97,7 @@ if (!executablePath) throw new Error('Chromium is not installed');
 mkdirSync(out, { recursive: true });
 const server = await serve(jobs);
 const browser = await chromium.launch({ executablePath, args: FLAGS });
-const report = {};
+const report = {}, measured = new Map();
 try {
     for (const [i, job] of jobs.entries()) {
         const tab = await browser.newPage();
@@ -87,9 +108,18 @@ try {
         const waited = tab.waitForFunction(() => window.result, null, { timeout: TIMEOUT_MS }).then((handle) => handle.jsonValue());
         const result = await waited.catch((error) => ({ error: String(error) }));
         if (result.png) writeFileSync(join(out, `${job.name}.png`), Buffer.from(result.png, 'base64'));
-        report[job.name] = { error: result.error ?? null, said: said.slice(0, 5), ms: result.ms, figures: result.figures };
+        report[job.name] = { error: result.error ?? null, said: said.slice(0, 5), figures: result.figures };
         console.log(`${job.name}: ${result.error ?? 'rendered'}${said.length ? ` (${said[0].slice(0, 160)})` : ''}`);
-        await tab.close();
+        if (job.times && !result.error) measured.set(job, tab);
+        else await tab.close();
+    }
+    // The first of each is not counted.
+    for (let time = 0; time <= Math.max(...[...measured.keys()].map(({ times }) => times)); time++) {
+        for (const [job, tab] of measured) {
+            const before = spentMs();
+            for (let i = 0; i < IMAGES; i++) await tab.evaluate((image) => window.draw(image), i);
+            if (time > 0) (report[job.name].cpuMs ??= []).push((spentMs() - before) / IMAGES);
+        }
     }
 } finally {
     await browser.close();

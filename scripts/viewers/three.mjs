@@ -5,7 +5,7 @@ import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
 import { GaussianSplatPLYLoader } from 'three/addons/loaders/GaussianSplatPLYLoader.js';
 import { SPZLoader } from 'three/addons/loaders/SPZLoader.js';
 import { GaussianSplat } from 'three/addons/objects/GaussianSplat.js';
-import { projection, timed, turned } from '/png.mjs';
+import { projection, turned } from '/png.mjs';
 
 async function load({ url, options }) {
     if (options.loader === 'gltf') {
@@ -51,11 +51,11 @@ export async function render(job) {
             data[4 * width * y + i] = 255 * (job.options.output === 'linear' ? value : encoded(value));
         }
     }
-    const ms = await timed(job.times ?? 0, async (i) => {
+    const draw = async (i) => {
         camera.matrix.fromArray(turned(worldFromCamera, 0.01 * (i % 2)));
         camera.updateMatrixWorld(true);
         renderer.render(scene, camera);
         await renderer.readRenderTargetPixelsAsync(target, 0, 0, 1, 1);
-    });
-    return { width, height, data, ms };
+    };
+    return { width, height, data, draw };
 }
