@@ -5,27 +5,25 @@ use super::device::GpuDevice;
 use super::encode::Dispatch;
 use super::kernels::{Buf, KernelId};
 use super::layout::{self, CHANGE_COARSER, CHANGE_FINER, CHANGE_RESAMPLE, CHANGE_SAME, FLAG_SECOND_MOMENTS};
-use super::model_buffers::{self, NewBuffers, filled, num_splat_floats, splat_infos};
+use super::model_buffers::{self, NewBuffers, filled, splat_infos};
+use super::shape::Shape;
 use super::state::GpuBackend;
 use super::uniform;
 use crate::Result;
 use crate::backend::{DensityPlan, Grid, MapChange, SplatEdit};
-use crate::model::{AdamState, Model, SplatArrays, TextureMap, TexturePool};
+use crate::model::{TextureMap, TexturePool};
 
 /// Applies a plan that has been checked.
 pub(super) fn apply_plan(backend: &mut GpuBackend, plan: &DensityPlan) -> Result<()> {
     let old = &backend.shape;
-    let textures = planned_textures(&old.textures.maps, plan)?;
-    let changes: Vec<layout::MapChange> = (plan.sources.iter().zip(&plan.maps).zip(&textures.maps))
-        .map(|((&source, change), new)| record_of(change, source, &old.textures.maps[source as usize], new))
+    let maps = planned_maps(&old.maps, plan)?;
+    let changes: Vec<layout::MapChange> = (plan.sources.iter().zip(&plan.maps).zip(&maps))
+        .map(|((&source, change), new)| record_of(change, source, &old.maps[source as usize], new))
         .collect();
     let mut map_kernels = vec![KernelId::RegridMaps];
     map_kernels.extend(changes.iter().find(|c| c.kind == CHANGE_RESAMPLE).map(|_| KernelId::ResampleMaps));
-    let splats = SplatArrays::zeros_of(plan.new_sh_degrees(old.splats.sh_degrees()));
-    model_buffers::check_floats(&splats)?;
-    let shape = Model { splats, textures, ..*old };
-    let clock =
-        AdamState { step: backend.clock.step, rates: backend.clock.rates, ..AdamState::zeros(&shape) };
+    let shape = Shape { sh_degrees: plan.new_sh_degrees(&old.sh_degrees), maps, ..*old };
+    model_buffers::check_floats(shape.num_splat_floats())?;
     let new = PlanBuffers::new(&backend.device, plan, &shape, &changes)?;
     // Everything is allocated: nothing can fail half-way from here on.
 
@@ -55,14 +53,14 @@ pub(super) fn apply_plan(backend: &mut GpuBackend, plan: &DensityPlan) -> Result
         backend.resources.remove(name);
     }
     new.derived.into_iter().for_each(|(name, buffer)| backend.resources.set(name, buffer));
-    backend.adopt(shape, clock);
+    backend.adopt(shape, backend.clock);
     backend.device.check()
 }
 
-/// The texture maps after a plan, with neutral texels.
-fn planned_textures(old_maps: &[TextureMap], plan: &DensityPlan) -> Result<TexturePool> {
+/// The texture maps after a plan.
+fn planned_maps(old_maps: &[TextureMap], plan: &DensityPlan) -> Result<Vec<TextureMap>> {
     let new_map = |(&s, change): (&u32, &MapChange)| change.applied_to(&old_maps[s as usize]);
-    TexturePool::neutral(plan.sources.iter().zip(&plan.maps).map(new_map))
+    Ok(TexturePool::neutral(plan.sources.iter().zip(&plan.maps).map(new_map))?.maps)
 }
 
 /// Buffers of the plan, and of the model after it.
@@ -82,11 +80,11 @@ impl PlanBuffers {
     fn new(
         device: &GpuDevice,
         plan: &DensityPlan,
-        shape: &Model,
+        shape: &Shape,
         changes: &[layout::MapChange],
     ) -> Result<Self> {
         let (n, num_texels) = (shape.num_splats(), shape.num_texels());
-        let splat_floats = num_splat_floats(&shape.splats) as u64;
+        let splat_floats = shape.num_splat_floats() as u64;
         let edits: Vec<layout::Edit> = plan.edits.iter().map(edit_of).collect();
         let mut splats = Vec::new();
         for name in [Buf::SplatP, Buf::SplatM, Buf::SplatV] {

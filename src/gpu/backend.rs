@@ -7,6 +7,7 @@ use super::layout::Status;
 use super::model_buffers::{self, STATE};
 use super::probing;
 use super::saved::Saved;
+use super::shape::Clock;
 use super::state::GpuBackend;
 use super::submission::{Task, check_camera};
 use super::uniform;
@@ -31,8 +32,8 @@ impl Backend for GpuBackend {
     }
 
     fn upload(&mut self, model: &Model, adam: &AdamState) -> Result<()> {
-        model_buffers::upload(&self.device, &mut self.resources, &self.shape, model, adam)?;
-        self.adopt(model.clone(), adam.clone());
+        let shape = model_buffers::upload(&self.device, &mut self.resources, &self.shape, model, adam)?;
+        self.adopt(shape, Clock::of(adam));
         self.device.check()
     }
 
@@ -160,9 +161,7 @@ impl Backend for GpuBackend {
         // Works after refused commands too: the steps applied before are intact, and can be saved.
         self.check_model()?;
         self.count_unread()?;
-        let (mut model, mut adam) = (self.shape.clone(), self.clock.clone());
-        model_buffers::read_back(&self.device, &self.resources, &mut model, &mut adam)?;
-        Ok((model, adam))
+        model_buffers::read_back(&self.device, &self.resources, &self.shape, self.clock)
     }
 
     fn read_flushed(&mut self) -> Result<Model> {
@@ -173,13 +172,11 @@ impl Backend for GpuBackend {
         // No early return from here on: the originals are restored on every path.
         copies.into_iter().for_each(|(name, copy)| self.resources.set(name, copy));
         self.flush_all();
-        let mut model = self.shape.clone();
-        let flushed = model_buffers::read_model(&self.device, &self.resources, &mut model);
+        let flushed = model_buffers::read_model(&self.device, &self.resources, &self.shape);
         state.into_iter().for_each(|(name, original)| self.resources.set(name, original));
         // If a command was refused, the copy is not flushed.
         self.device.check()?;
-        flushed?;
-        Ok(model)
+        flushed
     }
 }
 

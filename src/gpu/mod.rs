@@ -39,6 +39,7 @@ mod segments_tests;
 mod shader;
 #[cfg(test)]
 mod shader_tests;
+mod shape;
 mod sort;
 #[cfg(test)]
 mod sort_tests;

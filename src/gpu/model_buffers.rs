@@ -6,7 +6,8 @@ use super::kernels::Buf;
 use super::layout::{BOUNDS_BYTES, PAIR_SUMS_GEOMETRY, PROJECTED_BYTES, SPLAT_SUMS_BYTES, SplatInfo};
 use super::resources::Resources;
 use super::shader::GROUP;
-use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TextureMap};
+use super::shape::{Clock, Shape};
+use crate::model::{AdamState, Model, SplatArrays, SplatGroup};
 use crate::{Error, Result};
 use rayon::prelude::*;
 
@@ -21,17 +22,11 @@ pub(super) fn splat_floats(sh_degree: u32) -> usize {
     SplatGroup::ALL.iter().map(|g| g.width(sh_degree)).sum()
 }
 
-/// Floats of the parameters of all splats.
-pub(super) fn num_splat_floats(splats: &SplatArrays) -> usize {
-    SplatGroup::ALL.iter().map(|&g| splats.group(g).len()).sum()
-}
-
-/// Checks that records can address the parameters.
+/// Checks that records can address the parameters of all splats.
 ///
 /// # Errors
 /// [`Error::Device`] with their number.
-pub(super) fn check_floats(splats: &SplatArrays) -> Result<()> {
-    let found = num_splat_floats(splats);
+pub(super) fn check_floats(found: usize) -> Result<()> {
     if found as u64 <= MOST_SPLAT_FLOATS {
         return Ok(());
     }
@@ -83,18 +78,21 @@ fn first_float(splats: &SplatArrays, splat: usize) -> usize {
     splat * (splat_floats(0) - SplatGroup::Sh.width(0)) + splats.sh_offsets()[splat] as usize
 }
 
-pub(super) fn splat_infos(model: &Model, last_step: impl Fn(usize) -> u32) -> Vec<SplatInfo> {
-    let Model { splats, textures, .. } = model;
-    let first = |i: usize| first_float(splats, i);
-    let info = |(i, map): (usize, &TextureMap)| SplatInfo {
-        map_offset_texels: map.offset_texels,
-        map_size: u32::from(map.rows) | u32::from(map.cols) << 16,
-        texel_sizes: map.texel_sizes,
-        map_origin: map.origin(),
-        last_step: last_step(i),
-        parameters: (first(i) as u32) << 2 | u32::from(splats.sh_degrees()[i]),
-    };
-    textures.maps.iter().enumerate().map(info).collect()
+pub(super) fn splat_infos(shape: &Shape, last_step: impl Fn(usize) -> u32) -> Vec<SplatInfo> {
+    let mut first_float = 0;
+    let mut infos = Vec::with_capacity(shape.num_splats());
+    for (i, (map, &degree)) in shape.maps.iter().zip(&shape.sh_degrees).enumerate() {
+        infos.push(SplatInfo {
+            map_offset_texels: map.offset_texels,
+            map_size: u32::from(map.rows) | u32::from(map.cols) << 16,
+            texel_sizes: map.texel_sizes,
+            map_origin: map.origin(),
+            last_step: last_step(i),
+            parameters: first_float << 2 | u32::from(degree),
+        });
+        first_float += splat_floats(degree.into()) as u32;
+    }
+    infos
 }
 
 /// A new buffer that contains `values`.
@@ -107,25 +105,26 @@ pub(super) fn filled<T: bytemuck::Pod>(device: &GpuDevice, what: &str, values: &
 /// Buffers to be set together.
 pub(super) type NewBuffers = Vec<(Buf, wgpu::Buffer)>;
 
-/// Uploads model and optimiser state, completely or not at all; `before` is the shape of the model on the device. If the new one has as
-/// many splats, parameters and texels, the buffers stay.
+/// Uploads model and optimiser state, completely or not at all, and returns the model's shape; `before` is that of the model on the
+/// device. If both have the same sizes, the buffers stay.
 ///
 /// # Errors
 /// [`crate::Error::Device`] with the sizes if they do not fit.
 pub(super) fn upload(
     device: &GpuDevice,
     resources: &mut Resources,
-    before: &Model,
+    before: &Shape,
     model: &Model,
     adam: &AdamState,
-) -> Result<()> {
-    check_floats(&model.splats)?;
+) -> Result<Shape> {
+    let shape = Shape::of(model);
+    check_floats(shape.num_splat_floats())?;
     device.count(|work| &work.uploads);
-    let sizes = |model: &Model| (model.num_splats(), num_splat_floats(&model.splats), model.num_texels());
-    if resources.has(Buf::SplatP) && sizes(before) == sizes(model) {
-        return replace(device, resources, model, adam);
+    if resources.has(Buf::SplatP) && before.sizes() == shape.sizes() {
+        replace(device, resources, &shape, model, adam)?;
+        return Ok(shape);
     }
-    let mut made = derived(device, model.num_splats(), model.num_texels())?;
+    let mut made = derived(device, shape.num_splats(), shape.num_texels())?;
     let splats = [(Buf::SplatP, &model.splats), (Buf::SplatM, &adam.splats_m), (Buf::SplatV, &adam.splats_v)];
     for (name, arrays) in splats {
         made.push((name, filled(device, "splat parameters", &interleaved(arrays))?));
@@ -135,21 +134,27 @@ pub(super) fn upload(
     for (name, values) in texels {
         made.push((name, filled(device, "texel parameters", values)?));
     }
-    let infos = splat_infos(model, |i| adam.last_step[i]);
+    let infos = splat_infos(&shape, |i| adam.last_step[i]);
     made.push((Buf::SplatInfo, filled(device, "splat records", &infos)?));
     made.into_iter().for_each(|(name, buffer)| resources.set(name, buffer));
-    Ok(())
+    Ok(shape)
 }
 
 /// Uploads a model and the optimiser's state into the buffers of one of the same sizes.
-fn replace(device: &GpuDevice, resources: &Resources, model: &Model, adam: &AdamState) -> Result<()> {
+fn replace(
+    device: &GpuDevice,
+    resources: &Resources,
+    shape: &Shape,
+    model: &Model,
+    adam: &AdamState,
+) -> Result<()> {
     let splats = [&model.splats, &adam.splats_m, &adam.splats_v].map(interleaved);
     let texels = [&model.textures.texels, &adam.texels_m, &adam.texels_v];
-    let infos = splat_infos(model, |i| adam.last_step[i]);
+    let infos = splat_infos(shape, |i| adam.last_step[i]);
     let floats = splats.iter().chain(texels).map(|values| bytemuck::cast_slice(values));
     let bytes = floats.chain([bytemuck::cast_slice(&infos)]);
     device.write_all(STATE.iter().map(|&name| resources.buffer(name)).zip(bytes))?;
-    let derived = derived_sizes(model.num_splats(), model.num_texels());
+    let derived = derived_sizes(shape.num_splats(), shape.num_texels());
     derived.iter().for_each(|(name, ..)| device.clear(resources.buffer(*name)));
     Ok(())
 }
@@ -205,35 +210,31 @@ pub(super) fn copies(device: &GpuDevice, buffers: &NewBuffers) -> Result<NewBuff
     Ok(copies)
 }
 
-/// Reads the parameters into `model`. Works after a failed step too, unless the device was lost.
+/// Reads the model. Works after a failed step too, unless the device was lost.
 ///
 /// # Errors
 /// [`Error::Device`] if the device was lost.
-pub(super) fn read_model(device: &GpuDevice, resources: &Resources, model: &mut Model) -> Result<()> {
-    let [splats, texels] = [num_splat_floats(&model.splats), 3 * model.num_texels()];
-    let parts = [(Buf::SplatP, splats), (Buf::TexelP, texels)];
-    let parts = parts.map(|(name, floats)| (resources.buffer(name), 4 * floats as u64));
+pub(super) fn read_model(device: &GpuDevice, resources: &Resources, shape: &Shape) -> Result<Model> {
+    let floats = [(Buf::SplatP, shape.num_splat_floats()), (Buf::TexelP, 3 * shape.num_texels())];
+    let parts = floats.map(|(name, floats)| (resources.buffer(name), 4 * floats as u64));
     let mut read = device.rescue_all(&parts)?.into_iter();
     let mut next = || read.next().unwrap_or_default();
-    let degrees = model.splats.sh_degrees().to_vec();
-    model.splats = separated(&next(), &degrees);
-    model.textures.texels = next();
-    Ok(())
+    Ok(shape.with(separated(&next(), &shape.sh_degrees), next()))
 }
 
-/// As [`read_model`], with both moments and the splats' last steps into `adam`.
+/// As [`read_model`], with the optimiser's state.
 ///
 /// # Errors
 /// As [`read_model`].
 pub(super) fn read_back(
     device: &GpuDevice,
     resources: &Resources,
-    model: &mut Model,
-    adam: &mut AdamState,
-) -> Result<()> {
-    let [splats, texels] = [num_splat_floats(&model.splats), 3 * model.num_texels()];
+    shape: &Shape,
+    clock: Clock,
+) -> Result<(Model, AdamState)> {
+    let [splats, texels] = [shape.num_splat_floats(), 3 * shape.num_texels()];
     let bytes = [splats, splats, splats, texels, texels, texels].map(|floats| 4 * floats as u64);
-    let infos = (model.num_splats() * size_of::<SplatInfo>()) as u64;
+    let infos = (shape.num_splats() * size_of::<SplatInfo>()) as u64;
     let parts: Vec<_> = STATE
         .iter()
         .zip(bytes.into_iter().chain([infos]))
@@ -241,16 +242,13 @@ pub(super) fn read_back(
         .collect();
     let mut read = device.rescue_all(&parts)?.into_iter();
     let mut next = || read.next().unwrap_or_default();
-    let degrees = model.splats.sh_degrees().to_vec();
-    for splats in [&mut model.splats, &mut adam.splats_m, &mut adam.splats_v] {
-        *splats = separated(&next(), &degrees);
-    }
-    for texels in [&mut model.textures.texels, &mut adam.texels_m, &mut adam.texels_v] {
-        *texels = next();
-    }
+    let [splats, splats_m, splats_v] = [(); 3].map(|()| separated(&next(), &shape.sh_degrees));
+    let [texels, texels_m, texels_v] = [(); 3].map(|()| next());
     let infos: Vec<SplatInfo> = bytemuck::pod_collect_to_vec(&next());
-    adam.last_step = infos.iter().map(|i| i.last_step).collect();
-    Ok(())
+    let last_step = infos.iter().map(|info| info.last_step).collect();
+    let Clock { step, rates } = clock;
+    let adam = AdamState { splats_m, splats_v, texels_m, texels_v, last_step, step, rates };
+    Ok((shape.with(splats, texels), adam))
 }
 
 #[cfg(test)]
@@ -270,7 +268,7 @@ mod tests {
             );
             assert_eq!(&separated(&values, splats.sh_degrees()), splats);
             // The records point to the first float of each.
-            for (i, info) in splat_infos(&model, |_| 0).iter().enumerate() {
+            for (i, info) in splat_infos(&Shape::of(&model), |_| 0).iter().enumerate() {
                 assert_eq!(values[(info.parameters >> 2) as usize], splats.positions[3 * i]);
                 assert_eq!(info.parameters & 3, u32::from(splats.sh_degrees()[i]));
             }

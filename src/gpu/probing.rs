@@ -3,12 +3,12 @@
 use super::encode::Dispatch;
 use super::kernels::{Buf, KernelId};
 use super::layout::FLAG_PERSIST;
+use super::shape::Clock;
 use super::state::GpuBackend;
 use super::submission::Task;
 use super::uniform;
 use crate::Result;
 use crate::backend::{Costs, Probe, StepRequest};
-use crate::model::AdamState;
 
 /// Kernels that only probes need.
 const KERNELS: [KernelId; 2] = [KernelId::PrepareProbes, KernelId::ProbeCosts];
@@ -60,8 +60,7 @@ fn prepare(backend: &mut GpuBackend) -> Result<()> {
     let offsets = backend.set_uniform(0, &uniform);
     backend.submit(&[Dispatch::new(KernelId::PrepareProbes, offsets)]);
     let shape = backend.shape.clone();
-    let clock = AdamState::zeros(&shape);
-    backend.adopt(shape, clock);
+    backend.adopt(shape, Clock::default());
     backend.device.check()
 }
 

@@ -3,17 +3,15 @@
 use super::device::GpuDevice;
 use super::kernels::Buf;
 use super::model_buffers::{self, NewBuffers, STATE};
+use super::shape::{Clock, Shape};
 use super::state::GpuBackend;
-use crate::model::{AdamState, Model};
 use crate::{Error, Result};
 
 /// A copy of a backend's state.
 pub(super) struct Saved {
     buffers: NewBuffers,
-    /// The model without its parameters.
-    shape: Model,
-    /// Step and learning rates.
-    clock: AdamState,
+    shape: Shape,
+    clock: Clock,
     /// Identity of the device.
     device: usize,
 }
@@ -28,7 +26,7 @@ impl Saved {
         Ok(Self {
             buffers: model_buffers::copies(&backend.device, &state)?,
             shape: backend.shape.clone(),
-            clock: backend.clock.clone(),
+            clock: backend.clock,
             device: backend.device.id(),
         })
     }
@@ -44,9 +42,8 @@ impl Saved {
     }
 
     /// Whether a model has the same splats and maps, so that its buffers can be filled.
-    fn has_shape_of(&self, model: &Model) -> bool {
-        self.shape.splats.sh_degrees() == model.splats.sh_degrees()
-            && self.shape.textures.maps == model.textures.maps
+    fn has_shape_of(&self, other: &Shape) -> bool {
+        self.shape.sh_degrees == other.sh_degrees && self.shape.maps == other.maps
     }
 
     /// Puts the state back. Where memory does not even suffice in place of the present state, no model is left.
@@ -62,7 +59,7 @@ impl Saved {
             let pairs = self.buffers.iter().map(|(name, saved)| (saved, backend.resources.buffer(*name)));
             backend.device.copy_all(pairs);
             backend.device.clear(backend.resources.buffer(Buf::Statistics));
-            backend.adopt(self.shape.clone(), self.clock.clone());
+            backend.adopt(self.shape.clone(), self.clock);
             return backend.device.check();
         }
         let made = match self.copied(&backend.device) {
@@ -73,7 +70,7 @@ impl Saved {
             outcome => outcome?,
         };
         made.into_iter().for_each(|(name, buffer)| backend.resources.set(name, buffer));
-        backend.adopt(self.shape.clone(), self.clock.clone());
+        backend.adopt(self.shape.clone(), self.clock);
         backend.device.check()
     }
 }

@@ -9,13 +9,12 @@ use super::layout::{DispatchArgs, FLAG_ALL_MAPS, FLAG_PERSIST, Status, StepUnifo
 use super::pace::{BATCH, Pace};
 use super::photos::PhotoPool;
 use super::resources::{Resources, UniformOffsets};
+use super::shape::{Clock, Shape};
 use super::sort;
 use super::timing::Timer;
 use super::uniform::{self, UniformInputs};
 use super::view_buffers::{Capacity, MOST_TURNS};
 use crate::Result;
-use crate::camera::Similarity;
-use crate::model::{AdamState, Filter, Model, SplatArrays, TexturePool};
 use std::collections::{BTreeMap, VecDeque};
 
 /// Renders and trains through wgpu.
@@ -26,10 +25,8 @@ pub struct GpuBackend {
     pub(super) options: GpuOptions,
     pub(super) raster: RasterKernels,
     pub(super) form: Form,
-    /// The model without its parameters, which are on the device.
-    pub(super) shape: Model,
-    /// Step and learning rates of the optimiser; its moments are on the device.
-    pub(super) clock: AdamState,
+    pub(super) shape: Shape,
+    pub(super) clock: Clock,
     pub(super) capacity: Capacity,
     pub(super) photos: PhotoPool,
     pub(super) window_views: u32,
@@ -64,13 +61,6 @@ impl GpuBackend {
         let staging = || device.staging("status", (BATCH * size_of::<Status>()) as u64);
         let args_bytes = size_of::<DispatchArgs>() as u64;
         resources.set(Buf::Args, device.buffer("dispatches", u64::from(NUM_GROUPS), args_bytes)?);
-        let shape = Model {
-            splats: SplatArrays::zeros(0, 0),
-            textures: TexturePool::default(),
-            near: 0.01,
-            filter: Filter::None,
-            capture_from_local: Similarity::IDENTITY,
-        };
         let timer = if options.time_kernels { Timer::new(&device)? } else { None };
         Ok(Self {
             timer,
@@ -83,8 +73,8 @@ impl GpuBackend {
             resources,
             pipelines,
             options,
-            clock: AdamState::zeros(&shape),
-            shape,
+            shape: Shape::empty(),
+            clock: Clock::default(),
             capacity: Capacity::default(),
             photos: PhotoPool::default(),
             window_views: 0,
@@ -198,7 +188,7 @@ impl GpuBackend {
     }
 
     /// Adopts a model whose parameters are already on the device, and activates its texels.
-    pub(super) fn adopt(&mut self, shape: Model, clock: AdamState) {
+    pub(super) fn adopt(&mut self, shape: Shape, clock: Clock) {
         self.shape = shape;
         self.clock = clock;
         self.window_views = 0;
