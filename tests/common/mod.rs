@@ -13,6 +13,7 @@ pub mod need;
 pub mod page;
 pub mod plans;
 pub mod poison;
+pub mod room;
 pub mod sized;
 pub mod steps;
 pub mod training;

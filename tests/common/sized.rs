@@ -8,7 +8,7 @@ use litetex_gs::cpu::CpuBackend;
 use litetex_gs::model::Model;
 use litetex_gs::rounding::Rounder;
 use litetex_gs::train::{
-    Control, MOST_STEPS, StepCosts, Timing, TrainConfig, TrainEvent, TrainState, train_by,
+    Control, MOST_STEPS, Sink, StepCosts, StopReason, Timing, TrainConfig, TrainEvent, TrainState, train_by,
 };
 use litetex_gs::verify::FileRounder;
 use litetex_gs::views::ViewSource as _;
@@ -47,6 +47,18 @@ pub fn run(
         }
         Ok(Control::Continue)
     };
+    let (state, _) = attempt(backend, config, views, start, &mut sink).unwrap();
+    (state, saved)
+}
+
+/// Trains, with rounding or without.
+pub fn attempt(
+    backend: &mut dyn Backend,
+    config: &TrainConfig,
+    views: &MemoryViews,
+    start: TrainState,
+    sink: Sink<'_>,
+) -> Result<(TrainState, StopReason)> {
     let timing = Timing {
         now: &|| 0.0,
         deadline_secs: None,
@@ -56,8 +68,7 @@ pub fn run(
     };
     let mut rounder = config.max_bytes.map(|most| rounder(views, most).unwrap());
     let rounder = rounder.as_mut().map(|rounder| rounder as &mut dyn Rounder);
-    let (state, _) = train_by(&timing, config, backend, rounder, views, start, &mut sink).unwrap();
-    (state, saved)
+    train_by(&timing, config, backend, rounder, views, start, sink)
 }
 
 /// A model as an asset.

@@ -15,6 +15,9 @@ const LEAST_SIDE_PX: f64 = 32.0;
 /// Code of the warning that a round of pruning did not fit.
 const NOT_PRUNED: &str = "not-pruned";
 
+/// Code of the warning that numbers were not rounded for a file of a wanted size.
+const NOT_ROUNDED: &str = "not-rounded";
+
 impl Trainer<'_> {
     /// Plans a batch and does its steps, on smaller images where the first does not fit. Returns those that were done, with their
     /// reports.
@@ -121,6 +124,16 @@ impl Trainer<'_> {
             self.state.step, what
         );
         self.add_warning(NOT_PRUNED, message);
+    }
+
+    /// Warns that a rounding before the last was left out.
+    pub(super) fn not_rounded(&mut self, what: &str) {
+        let message = format!(
+            "step {}: the device has no room to round the model for its file ({what}): it is trained with other numbers until the \
+             next rounding; lower --max-size, or use another --device",
+            self.state.step
+        );
+        self.add_warning(NOT_ROUNDED, message);
     }
 
     fn add_warning(&mut self, code: &str, message: String) {

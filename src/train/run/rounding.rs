@@ -3,9 +3,9 @@
 
 use super::super::window::go_on_with;
 use super::trainer::{Clock, Trainer};
-use crate::Result;
 use crate::backend::WindowStatistics;
 use crate::rounding::{LastRounding, Offsets};
+use crate::{Error, Result};
 
 impl Trainer<'_> {
     /// Whether the model is rounded after a step.
@@ -13,7 +13,8 @@ impl Trainer<'_> {
         self.rounder.is_some() && self.schedule.rounding.is_some_and(|phase| phase.is_due(step))
     }
 
-    /// Rounds the model if that is due. If it fails, the offsets of the last rounding still hold.
+    /// Rounds the model if that is due. Where the device has no room for it, the offsets of the last rounding still hold, and the next
+    /// one follows; only the last of the run cannot be left out.
     pub(super) fn round(&mut self) -> Result<()> {
         let step = self.state.step;
         let is_last = step == self.schedule.last_step;
@@ -21,6 +22,16 @@ impl Trainer<'_> {
         if !self.is_rounding_step(step) || self.state.rounded.as_ref().is_some_and(is_done) {
             return Ok(());
         }
+        match self.round_now(step, is_last) {
+            Err(Error::DeviceFull(no_room)) if !is_last => {
+                self.not_rounded(&no_room.what);
+                Ok(())
+            }
+            outcome => outcome,
+        }
+    }
+
+    fn round_now(&mut self, step: u32, is_last: bool) -> Result<()> {
         let Some(rounder) = self.rounder.as_deref_mut() else { return Ok(()) };
         let clock = Clock::start(self.timing);
         let (mut stored, mut adam) = self.backend.read_back()?;
