@@ -354,6 +354,11 @@ pub trait Backend {
         1
     }
 
+    /// Most steps that [`Backend::batch_steps`] prefers at any time.
+    fn most_batch_steps(&self) -> usize {
+        self.batch_steps()
+    }
+
     /// Does several training steps in order, with one report for each. State and reports are bit for bit those of
     /// calling [`Backend::step`] for each request. Fewer reports mean that the device has no room for the next step: these
     /// steps are done, and the next call fails.

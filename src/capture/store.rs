@@ -9,6 +9,7 @@ use crate::Result;
 use crate::image::TargetImage;
 use crate::views::WantedPhoto;
 use rayon::prelude::*;
+use std::collections::hash_map::Entry;
 use std::path::PathBuf;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
@@ -91,28 +92,40 @@ impl Shared {
             if state.stopped {
                 return None;
             }
-            if let Some(&wanted) = state.queue.front() {
-                let view = wanted.view;
-                if state.has(wanted) || state.in_flight.contains(&view) {
-                    state.queue.pop_front();
-                    continue;
-                }
-                // Photos decoded ahead must not take each other's place.
-                let bytes = self.waiting_bytes(view);
-                if state.waiting_bytes + bytes <= self.shares.passing_bytes || bytes == 0 {
-                    state.queue.pop_front();
-                    state.waiting_bytes += bytes;
-                    state.in_flight.insert(view);
-                    return Some(wanted);
+            let mut at = 0;
+            while let Some(&wanted) = state.queue.get(at) {
+                match state.in_flight.get(&wanted.view) {
+                    // It is made after another size of itself.
+                    Some(&made) if made != wanted => at += 1,
+                    None if !state.has(wanted) => {
+                        // Photos made ahead must not take each other's place.
+                        let bytes = self.waiting_bytes(wanted);
+                        if bytes > 0 && state.waiting_bytes + bytes > self.shares.passing_bytes {
+                            break;
+                        }
+                        state.queue.remove(at);
+                        state.waiting_bytes += bytes;
+                        state.in_flight.insert(wanted.view, wanted);
+                        return Some(wanted);
+                    }
+                    _ => drop(state.queue.remove(at)),
                 }
             }
             state = self.work.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
     }
 
-    /// Bytes that a photo takes up while it waits for its use.
-    fn waiting_bytes(&self, view: usize) -> u64 {
-        if self.shares.pinned[view] { 0 } else { self.recipes[view].num_bytes() }
+    /// Bytes that a photo takes up while it is made and waits for its use, besides those that stay.
+    fn waiting_bytes(&self, wanted: WantedPhoto) -> u64 {
+        let recipe = &self.recipes[wanted.view];
+        match wanted.reduced_px {
+            _ if !self.shares.pinned[wanted.view] => recipe.num_bytes(),
+            None => 0,
+            Some((width_px, height_px)) => {
+                let pixels = |(width, height): (u32, u32)| u64::from(width) * u64::from(height);
+                recipe.num_bytes() / pixels(recipe.size) * pixels((width_px, height_px))
+            }
+        }
     }
 
     /// Waits until there is memory for making a photo, and holds it.
@@ -153,7 +166,7 @@ impl Shared {
     fn run_ahead(&self) {
         while let Some(wanted) = self.next_ahead() {
             let view = wanted.view;
-            let _mark = InFlight { shared: self, view, held_bytes: self.waiting_bytes(view) };
+            let _mark = InFlight { shared: self, view, held_bytes: self.waiting_bytes(wanted) };
             let made = match wanted.reduced_px {
                 None => self.decode(view),
                 Some(size_px) => self.reduce(view, size_px),
@@ -235,7 +248,8 @@ impl ImageStore {
                 shared.work.notify_all();
                 return Ok(image);
             }
-            if state.in_flight.insert(view) {
+            if let Entry::Vacant(entry) = state.in_flight.entry(view) {
+                entry.insert(wanted);
                 return Err(InFlight { shared, view, held_bytes: 0 });
             }
             state = shared.decoded.wait(state).unwrap_or_else(PoisonError::into_inner);

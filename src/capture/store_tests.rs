@@ -191,6 +191,50 @@ fn photos_of_a_smaller_size_are_made_ahead_for_one_use() {
 }
 
 #[test]
+fn photos_reduced_ahead_keep_within_the_budget() {
+    let folder = tempfile::tempdir().unwrap();
+    // All four photos stay; beside them is room for two of the smaller ones, for none, or for all.
+    for (room_bytes, ahead) in [(150, 2), (74, 0), (300, 4)] {
+        let store = store(folder.path(), 4, 4 * BYTES + room_bytes);
+        assert!(store.keeps_all());
+        let made = || (0..4).filter(|&view| store.shared.lock().has(half(view))).count();
+        store.check_all();
+        store.prefetch(&[0, 1, 2, 3].map(half));
+        wait_until(|| made() == ahead);
+        // Time for one more.
+        std::thread::sleep(std::time::Duration::from_millis(20));
+        assert_eq!(made(), ahead, "{room_bytes} bytes");
+        assert_eq!(store.cached_bytes(), 4 * BYTES + 75 * ahead as u64);
+        // The use of one makes room for the next.
+        assert_eq!(store.get_reduced(0, (SIDE / 2, SIDE / 2)).unwrap().rgb[0], 0);
+        wait_until(|| made() == ahead.min(3));
+        assert_eq!(made(), ahead.min(3), "{room_bytes} bytes");
+        assert!(store.cached_bytes() <= store.budget_bytes());
+    }
+}
+
+#[test]
+fn a_photo_that_is_being_made_is_made_ahead_at_another_size_after_that() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = store(folder.path(), 2, 1 << 20);
+    let has = |view| store.shared.lock().has(half(view));
+    let at = |reduced_px| WantedPhoto { view: 0, reduced_px };
+    for (in_flight, is_queued) in [(at(Some((3, 2))), true), (at(None), true), (half(0), false)] {
+        store.shared.lock().in_flight.insert(0, in_flight);
+        store.prefetch(&[half(0), half(1)]);
+        wait_until(|| has(1));
+        assert!(has(1) && !has(0));
+        let queued: Vec<_> = store.shared.lock().queue.iter().copied().collect();
+        // The same size need not be made twice.
+        assert_eq!(queued, if is_queued { vec![half(0)] } else { vec![] });
+        drop(InFlight { shared: &store.shared, view: 0, held_bytes: 0 });
+        wait_until(|| has(0) == is_queued);
+        assert_eq!(has(0), is_queued);
+        store.prefetch(&[]);
+    }
+}
+
+#[test]
 fn batches_longer_than_the_cache_decode_each_photo_once() {
     const BATCH: usize = 16;
     let folder = tempfile::tempdir().unwrap();

@@ -19,13 +19,15 @@ pub(super) struct State {
     pub kept_bytes: u64,
     /// The others.
     pub passing: HashMap<usize, Cached>,
+    /// Photos made ahead at a smaller size, each for one use.
+    reduced: HashMap<WantedPhoto, Arc<TargetImage>>,
+    /// Bytes of both.
     pub passing_bytes: u64,
-    /// Photos made ahead at a smaller size, each for one use, with its share of `waiting_bytes`.
-    reduced: HashMap<WantedPhoto, (Arc<TargetImage>, u64)>,
-    /// Bytes of the photos that do not stay and wait for their use, made or being made.
+    /// Bytes of those of both that wait for their use, made or being made.
     pub waiting_bytes: u64,
     clock: u64,
-    pub in_flight: HashSet<usize>,
+    /// Views whose photos are being made, and at which size.
+    pub in_flight: HashMap<usize, WantedPhoto>,
     /// Working memory of the decodes under way.
     pub decoding_bytes: u64,
     pub queue: VecDeque<WantedPhoto>,
@@ -62,10 +64,8 @@ impl State {
             return;
         }
         self.remove(view);
-        while self.passing_bytes + bytes > shares.passing_bytes {
-            let used = self.passing.iter().filter_map(|(&view, cached)| Some((cached.used?, view)));
-            let Some((_, oldest)) = used.min() else { return };
-            self.remove(oldest);
+        if !self.make_room(bytes, shares) {
+            return;
         }
         self.clock += 1;
         self.passing_bytes += bytes;
@@ -74,18 +74,32 @@ impl State {
         self.passing.insert(view, Cached { image: Arc::clone(image), used });
     }
 
-    /// Holds a photo at a smaller size for its use.
+    /// Drops photos that do not stay and were used, the oldest first, until there is room for another.
+    fn make_room(&mut self, bytes: u64, shares: &Shares) -> bool {
+        while self.passing_bytes + bytes > shares.passing_bytes {
+            let used = self.passing.iter().filter_map(|(&view, cached)| Some((cached.used?, view)));
+            let Some((_, oldest)) = used.min() else { return false };
+            self.remove(oldest);
+        }
+        true
+    }
+
+    /// Holds a photo at a smaller size for its use, if there is room.
     pub fn insert_reduced(&mut self, wanted: WantedPhoto, image: Arc<TargetImage>, shares: &Shares) {
         self.take_reduced(wanted);
-        let waiting_bytes = if shares.pinned[wanted.view] { 0 } else { image.num_bytes() };
-        self.waiting_bytes += waiting_bytes;
-        self.reduced.insert(wanted, (image, waiting_bytes));
+        let bytes = image.num_bytes();
+        if self.make_room(bytes, shares) {
+            self.passing_bytes += bytes;
+            self.waiting_bytes += bytes;
+            self.reduced.insert(wanted, image);
+        }
     }
 
     /// A photo that was made ahead at a smaller size.
     fn take_reduced(&mut self, wanted: WantedPhoto) -> Option<Arc<TargetImage>> {
-        let (image, waiting_bytes) = self.reduced.remove(&wanted)?;
-        self.waiting_bytes -= waiting_bytes;
+        let image = self.reduced.remove(&wanted)?;
+        self.passing_bytes -= image.num_bytes();
+        self.waiting_bytes -= image.num_bytes();
         Some(image)
     }
 
@@ -99,11 +113,8 @@ impl State {
                 self.waiting_bytes -= cached.image.num_bytes();
             }
         }
-        self.reduced.retain(|made, (_, waiting_bytes)| {
-            let stays = wanted.contains(made);
-            self.waiting_bytes -= if stays { 0 } else { *waiting_bytes };
-            stays
-        });
+        let unwanted: Vec<_> = self.reduced.keys().filter(|made| !wanted.contains(made)).copied().collect();
+        unwanted.into_iter().for_each(|made| drop(self.take_reduced(made)));
     }
 
     /// A photo of the cache; it no longer waits for its use.

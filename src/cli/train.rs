@@ -23,7 +23,8 @@ use litetex_gs::run::{
 };
 use litetex_gs::text::{counted, shell_word};
 use litetex_gs::train::{
-    MOST_STEPS, Schedule, StopReason, Timing, TrainState, check_limits, params_for_bytes, train_by,
+    MOST_STEPS, Schedule, StopReason, Timing, TrainState, check_limits, params_for_bytes, photos_ahead,
+    train_by,
 };
 use litetex_gs::verify::FileRounder;
 use litetex_gs::views::{Split, ViewSource as _};
@@ -229,7 +230,8 @@ fn check_memory(
     report: &mut Report,
     log: &Log,
 ) -> Result<()> {
-    let workload = Workload::new(&state.model, capture, &job.config.train, train_secs);
+    let ahead = photos_ahead(backend.most_batch_steps());
+    let workload = Workload::new(&state.model, capture, &job.config.train, ahead, train_secs);
     let estimate = ResourceEstimate::new(&workload, &job.config.train);
     log.event("resource-estimate", &estimate.describe(), serde_json::json!({ "estimate": estimate }));
     estimate.start.check(machine_bytes())?;

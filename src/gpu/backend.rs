@@ -103,6 +103,10 @@ impl Backend for GpuBackend {
         self.pace.call_steps()
     }
 
+    fn most_batch_steps(&self) -> usize {
+        self.pace.most_call_steps()
+    }
+
     fn steps(&mut self, requests: &[StepRequest<'_>]) -> Result<Vec<StepReport>> {
         self.run(Task::Train, requests)
     }

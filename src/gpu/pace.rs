@@ -29,6 +29,11 @@ impl Pace {
         self.steps
     }
 
+    /// Most steps of a call.
+    pub(super) fn most_call_steps(self) -> usize {
+        if self.adapts { MOST_STEPS } else { self.steps }
+    }
+
     /// Steps of the next submission: as long as it may be.
     pub(super) fn steps(self) -> usize {
         self.steps.min(BATCH)
@@ -87,7 +92,7 @@ mod tests {
         let mut pace = Pace::new(None);
         assert_eq!(pace.submission_steps(1), 1);
         (0..6).for_each(|_| pace.learn(pace.steps(), 0.01));
-        assert_eq!(pace.call_steps(), MOST_STEPS);
+        assert_eq!((pace.call_steps(), Pace::new(None).most_call_steps()), (MOST_STEPS, MOST_STEPS));
         assert_eq!([0, 1, 2, 7, 16, 36, 64].map(|call| pace.submission_steps(call)), [1, 1, 1, 4, 8, 16, 16]);
         assert_eq!(Pace::new(Some(3)).submission_steps(4), 3);
     }
@@ -97,6 +102,6 @@ mod tests {
         assert_eq!([0.0001, 0.02, 0.1, 0.31, 20.0].map(Pace::at), [16, 16, 4, 1, 1]);
         let mut fixed = Pace::new(Some(40));
         fixed.learn(16, 100.0);
-        assert_eq!((fixed.call_steps(), fixed.steps()), (BATCH, BATCH));
+        assert_eq!([fixed.call_steps(), fixed.most_call_steps(), fixed.steps()], [BATCH; 3]);
     }
 }

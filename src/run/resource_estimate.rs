@@ -65,6 +65,8 @@ pub struct Workload {
     pub test_views: u64,
     /// Bound of the image cache.
     pub cache_limit_bytes: u64,
+    /// Photos made ahead of their use, at most.
+    pub photos_ahead: u64,
     /// Memory for decoding as many photos at once as may be decoded at once.
     pub decoding_bytes: u64,
     /// Whether the model is pruned after growth.
@@ -88,7 +90,7 @@ pub struct Resources {
     pub gradient_bytes: u64,
     /// The copy that a checkpoint is written from.
     pub copy_bytes: u64,
-    /// Decoded photos.
+    /// Decoded photos, and those reduced ahead of their use.
     pub image_cache_bytes: u64,
     /// Photos reduced to the size of a stage.
     pub reduced_photos_bytes: u64,
@@ -101,8 +103,15 @@ pub struct Resources {
 }
 
 impl Workload {
-    /// Training this model on the views of a capture, in this time if anything is known of it.
-    pub fn new(model: &Model, capture: &Capture, config: &TrainConfig, wall_secs: Option<f64>) -> Self {
+    /// Training this model on the views of a capture, of which so many photos are made ahead of their use, in this time if anything
+    /// is known of it.
+    pub fn new(
+        model: &Model,
+        capture: &Capture,
+        config: &TrainConfig,
+        photos_ahead: usize,
+        wall_secs: Option<f64>,
+    ) -> Self {
         let pixels = |v: usize| capture.camera(v).pinhole.num_pixels() as u64;
         let train = capture.indices(Split::Train);
         let sum: u64 = train.iter().map(|&v| pixels(v)).sum();
@@ -117,6 +126,7 @@ impl Workload {
             train_views: train.len() as u64,
             test_views: (capture.num_views() - train.len()) as u64,
             cache_limit_bytes: capture.cache_limit_bytes(),
+            photos_ahead: photos_ahead as u64,
             decoding_bytes: capture.decoding_bytes(threads),
             is_pruned: config.prunes_after_growth(),
             is_scheduled: config.active_components().scheduler,
@@ -191,8 +201,9 @@ impl Workload {
         let model_bytes = parameters + 12 * self.splats;
         let optimiser_bytes = 2 * parameters + 4 * self.splats;
         let bytes_per_photo = (3.0 * self.pixels_mean) as u64;
-        let image_cache_bytes =
-            ((self.train_views + self.test_views) * bytes_per_photo).min(self.cache_limit_bytes);
+        let reduced_ahead = if self.is_scheduled { self.photos_ahead.min(self.train_views) } else { 0 };
+        let cached_photos = self.train_views + self.test_views + reduced_ahead;
+        let image_cache_bytes = (cached_photos * bytes_per_photo).min(self.cache_limit_bytes);
         let reduced_photos_bytes = match self.is_scheduled {
             true => (self.train_views * bytes_per_photo).min(REDUCED_BYTES_MAX).min(self.cache_limit_bytes),
             false => 0,
@@ -339,6 +350,7 @@ pub(super) const FOX: Workload = Workload {
     train_views: 43,
     test_views: 7,
     cache_limit_bytes: 4 << 30,
+    photos_ahead: 4,
     decoding_bytes: 16 << 20,
     is_pruned: false,
     is_scheduled: true,
@@ -363,6 +375,17 @@ mod tests {
         let error = huge.resources().check(Some(8 << 30)).unwrap_err();
         assert_eq!(error.exit_code(), 5);
         assert!(error.to_string().contains("8.0 GiB"), "{error}");
+    }
+
+    #[test]
+    fn photos_reduced_ahead_are_in_the_cache() {
+        let photo_bytes = 3 * FOX.pixels_max;
+        let cached = |workload: Workload| workload.resources().image_cache_bytes / photo_bytes;
+        let long = Workload { photos_ahead: 64, ..FOX };
+        assert_eq!([cached(FOX), cached(long)], [50 + 4, 50 + 43]);
+        assert_eq!(cached(Workload { cache_limit_bytes: 60 * photo_bytes, ..long }), 60);
+        // Negative control: photos of one size only.
+        assert_eq!(cached(Workload { is_scheduled: false, ..long }), 50);
     }
 
     #[test]

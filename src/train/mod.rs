@@ -43,7 +43,7 @@ pub use inactive::inactive;
 pub use limits::check_limits;
 pub use pacing::{MOST_STEPS, Timing};
 pub use prune::Pruned;
-pub use run::{NO_SNAPSHOT, train, train_by};
+pub use run::{NO_SNAPSHOT, photos_ahead, train, train_by};
 pub use schedule::{MOST_PROBES, Schedule};
 pub use stages::{StageSpan, stage_spans};
 pub use state::{CurvePoint, SizeFigures, TrainHistory, TrainState};

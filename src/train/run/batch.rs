@@ -8,8 +8,10 @@ use crate::Result;
 use crate::backend::{StepRequest, TargetImage};
 use std::sync::Arc;
 
-/// Photos made ahead; more if a batch is longer.
-const PREFETCH_VIEWS: usize = 4;
+/// Photos made ahead for the batch after one of so many steps.
+pub fn photos_ahead(batch_steps: usize) -> usize {
+    batch_steps.max(4)
+}
 
 /// A step of the next batch, with its photo.
 pub struct PlannedStep {
@@ -45,7 +47,7 @@ impl Trainer<'_> {
         let views: Vec<usize> = order.by_ref().take(len).collect();
         // All photos of the next batch will be needed as soon as this one is done.
         let left = (self.schedule.last_step - self.state.step) as usize - len;
-        let next: Vec<usize> = order.take(wanted.max(PREFETCH_VIEWS).min(left)).collect();
+        let next: Vec<usize> = order.take(photos_ahead(wanted).min(left)).collect();
         let mut wanted = self.targets.wanted(self.views, &views, self.stage.render_scale);
         wanted.extend(self.targets.wanted(self.views, &next, self.next_scale(first + len as u32 - 1)));
         self.views.prefetch(&wanted);

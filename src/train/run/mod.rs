@@ -8,6 +8,7 @@ mod rounding;
 mod trainer;
 
 use batch::PlannedStep;
+pub use batch::photos_ahead;
 pub use reading::NO_SNAPSHOT;
 use trainer::{Clock, Trainer, smaller_side_px};
 
