@@ -28,6 +28,8 @@ mod loss_tests;
 mod model_buffers;
 mod pace;
 mod photos;
+#[cfg(test)]
+mod plain_path_tests;
 mod probing;
 mod queue;
 mod reading;
