@@ -101,7 +101,7 @@ fn roundings_that_do_not_fit_are_left_out_but_for_the_last() {
     let scene = training::scene();
     let (views, start) = (photos(&scene), TrainState::fresh(damaged(&scene)));
     let config =
-        TrainConfig { max_bytes: Some(MAX_BYTES), eval_every: 0, save_every: 0, save_secs: 0, ..config(150) };
+        TrainConfig { max_bytes: Some(MAX_BYTES), eval_every: 0, save_every: 0, save_secs: 0, ..config(200) };
     let roundings = Schedule::new(&config, 5).rounding.unwrap().roundings_after(0) as usize;
     assert!(roundings > 2);
     // Each reads the state once; the end of the run does, too.
@@ -113,13 +113,13 @@ fn roundings_that_do_not_fit_are_left_out_but_for_the_last() {
         let out = of(numbers);
         assert_eq!(out.codes(), ["not-rounded"].repeat(left_out));
         let last = out.state.rounded.as_ref().unwrap();
-        assert_eq!((last.step, last.is_last, out.steps.len()), (150, true, 150));
+        assert_eq!((last.step, last.is_last, out.steps.len()), (200, true, 200));
         assert!(out.file() != plenty.file(), "negative control: it was trained with other numbers");
     }
     // The last one is the run's result: a device with more room goes on from the checkpoint.
     let (out, ended) = attempt(&config, room([roundings; 2]), 3, &views, start.clone());
     assert!(matches!(ended, Err(Error::DeviceFull(_))), "{ended:?}");
     let saved = out.saved.last().unwrap();
-    assert!(saved.step == 150 && !saved.rounded.as_ref().unwrap().is_last);
+    assert!(saved.step == 200 && !saved.rounded.as_ref().unwrap().is_last);
     assert!(run_with(&config, PLENTY, 3, &views, saved.clone()).file() == plenty.file());
 }

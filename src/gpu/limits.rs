@@ -4,7 +4,8 @@
 use super::device::GpuDevice;
 use super::layout::MAX_SIDE_PX;
 use super::layout::{BOUNDS_BYTES, PAIR_SUMS_GEOMETRY, PROJECTED_BYTES};
-use super::model_buffers::{MOST_SPLAT_FLOATS, splat_floats};
+use super::model_buffers::MOST_SPLAT_FLOATS;
+use super::shape::splat_floats;
 use crate::backend::{DeviceLimits, SceneShape};
 
 /// Bytes and floats per texel of the largest texel buffer, the activated texels.

@@ -6,7 +6,7 @@ use super::kernels::Buf;
 use super::layout::{BOUNDS_BYTES, PAIR_SUMS_GEOMETRY, PROJECTED_BYTES, SPLAT_SUMS_BYTES, SplatInfo};
 use super::resources::Resources;
 use super::shader::GROUP;
-use super::shape::{Clock, Shape};
+use super::shape::{Clock, Shape, splat_floats};
 use crate::model::{AdamState, Model, SplatArrays, SplatGroup};
 use crate::{Error, Result};
 use rayon::prelude::*;
@@ -16,11 +16,6 @@ const SPLATS_PER_TASK: usize = 4096;
 
 /// Floats of the parameters of all splats that records can address.
 pub(super) const MOST_SPLAT_FLOATS: u64 = 1 << 30;
-
-/// Floats of a splat's parameters.
-pub(super) fn splat_floats(sh_degree: u32) -> usize {
-    SplatGroup::ALL.iter().map(|g| g.width(sh_degree)).sum()
-}
 
 /// Checks that records can address the parameters of all splats.
 ///

@@ -96,10 +96,10 @@ fn the_plainest_way_to_train_gives_the_same_bytes() {
     };
     let (Some(mut gpu), Some(plain)) = (open(None), open(Some(1))) else { return };
     let scene = random_scene(&SceneOptions {
-        num_splats: 300,
+        num_splats: 150,
         sh_degree: 1,
-        width_px: 64,
-        height_px: 48,
+        width_px: 40,
+        height_px: 30,
         scales: (0.05, 0.2),
         opacities: (0.3, 0.9),
         depths: (0.8, 2.0),
@@ -138,7 +138,7 @@ fn the_plainest_way_to_train_gives_the_same_bytes() {
     // They went other ways indeed.
     let [ours, plainly] = [gpu.device.work(), plain.0.device.work()];
     println!("{before:?}\n{ours:?}\n{plainly:?}");
-    assert!(plainly.uploads > 5 && ours.uploads == before.uploads + 1);
+    assert!(plainly.uploads > 3 && ours.uploads == before.uploads + 1);
     assert!(plainly.photos > 200 && ours.photos < before.photos + 100);
     assert!(ours.overlapping > before.overlapping + 10);
     // Negative control.

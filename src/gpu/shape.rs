@@ -1,8 +1,14 @@
 //! What the host keeps of the model on the device.
 
-use super::model_buffers::splat_floats;
 use crate::camera::Similarity;
-use crate::model::{AdamState, Filter, LearningRates, Model, SplatArrays, TextureMap, TexturePool};
+use crate::model::{
+    AdamState, Filter, LearningRates, Model, SplatArrays, SplatGroup, TextureMap, TexturePool,
+};
+
+/// Floats of a splat's parameters.
+pub(super) fn splat_floats(sh_degree: u32) -> usize {
+    SplatGroup::ALL.iter().map(|g| g.width(sh_degree)).sum()
+}
 
 /// A model without its parameters.
 #[derive(Clone, Debug, PartialEq)]

@@ -103,8 +103,8 @@ pub struct Resources {
 }
 
 impl Workload {
-    /// Training this model on the views of a capture, of which so many photos are made ahead of their use, in this time if anything
-    /// is known of it.
+    /// Training this model on the views of a capture, with `photos_ahead` photos made ahead of their use, in this time if anything is
+    /// known of it.
     pub fn new(
         model: &Model,
         capture: &Capture,

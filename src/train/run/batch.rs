@@ -8,7 +8,7 @@ use crate::Result;
 use crate::backend::{StepRequest, TargetImage};
 use std::sync::Arc;
 
-/// Photos made ahead for the batch after one of so many steps.
+/// Photos made ahead by the end of a batch, given its steps.
 pub fn photos_ahead(batch_steps: usize) -> usize {
     batch_steps.max(4)
 }
