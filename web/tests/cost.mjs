@@ -1,7 +1,8 @@
 // What an image costs in two versions of the package: node tests/cost.mjs FILE OTHER_WEB [swiftshader | gl-egl]
 //
 // FILE: a .ltgs or .glb file. OTHER_WEB: the folder `web` of another version, with node_modules. Prints the CPU milliseconds of the
-// browser's graphics process an image, medians of both versions in turn, least in brackets, and whether their images are the same bytes.
+// browser's graphics process an image, medians of all variants in turn, least in brackets, and whether both versions' exact images are the
+// same bytes; of fast ones the PSNR against exact ones, into 16 bits and of the canvas.
 import { readdirSync, readFileSync, realpathSync } from 'node:fs';
 import { fileURLToPath } from 'node:url';
 import { chromium } from 'playwright-core';
@@ -37,16 +38,34 @@ async function open(root) {
             if (message.kind === 'update') renderer.apply(message.update);
         });
         let view;
+        const pixels = () => {
+            const bytes = new Uint8Array(4 * canvas.width * canvas.height);
+            gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+            gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
+            return bytes;
+        };
+        const psnr = (a, b, peak) => {
+            const held = (value) => Math.min(1, Math.max(0, value / peak));
+            return -10 * Math.log10(a.reduce((sum, value, i) => sum + (i % 4 < 3 ? (held(value) - held(b[i])) ** 2 : 0), 0) / (0.75 * a.length));
+        };
         window.prepare = async ([width, height]) => {
             view = viewOf(renderer.info.cameras[0], width, height);
             [canvas.width, canvas.height] = [view.widthPx, view.heightPx];
             await renderer.sorted(view);
             renderer.draw(view);
-            const digest = await crypto.subtle.digest('SHA-256', renderer.read().buffer);
-            return [...new Uint8Array(digest)].join();
+            const exact = renderer.read(), shown = pixels();
+            const digest = [...new Uint8Array(await crypto.subtle.digest('SHA-256', exact.buffer))].join();
+            renderer.draw(view, { precision: 'fast' });
+            const fast = psnr(renderer.read(), exact, 1);
+            renderer.draw(view, { precision: 'fast', onCanvas: true });
+            return { digest, fast, onCanvas: psnr(pixels(), shown, 255) };
         };
-        window.drawn = (images) => {
-            for (let i = 0; i < images; i++) renderer.draw(view);
+        window.drawn = (images, options) => {
+            for (let i = 0; i < images; i++) {
+                // Turned a little, which changes no order.
+                const turned = { ...view, rotation: view.rotation.map((value, k) => (k < 3 ? value : value + 1e-7 * (i % 2))) };
+                renderer.draw(turned, options);
+            }
             gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4)); // waits
         };
     }, `/@fs/${realpathSync(file)}`);
@@ -64,20 +83,27 @@ function spentMs() {
     throw new Error('the browser has no graphics process');
 }
 
+const VARIANTS = {
+    other: ['other', {}],
+    exact: ['this', {}],
+    fast: ['this', { precision: 'fast' }],
+    'fast on the canvas': ['this', { precision: 'fast', onCanvas: true }],
+};
 for (const [name, root] of Object.entries(versions)) pages[name] = await open(root);
 for (const size of SIZES) {
-    const digests = {}, costs = { other: [], this: [] };
-    for (const name of Object.keys(pages)) digests[name] = await pages[name].evaluate((size) => window.prepare(size), size);
+    const prepared = {}, costs = Object.fromEntries(Object.keys(VARIANTS).map((name) => [name, []]));
+    for (const name of Object.keys(pages)) prepared[name] = await pages[name].evaluate((size) => window.prepare(size), size);
     for (let round = 0; round < ROUNDS; round++) {
-        for (const name of Object.keys(pages)) {
+        for (const [name, [version, options]] of Object.entries(VARIANTS)) {
             const before = spentMs();
-            await pages[name].evaluate((images) => window.drawn(images), IMAGES);
+            await pages[version].evaluate(([images, options]) => window.drawn(images, options), [IMAGES, options]);
             costs[name].push((spentMs() - before) / IMAGES);
         }
     }
     const median = (values) => [...values].sort((a, b) => a - b)[values.length >> 1];
-    const cells = Object.entries(costs).map(([name, values]) => `${name} ${median(values)} (${Math.min(...values)}) ms`);
-    console.log(`${driver} ${size.join(' x ')}: ${cells.join(', ')}, ${(median(costs.this) / median(costs.other)).toFixed(2)}, ${digests.this === digests.other ? 'the same bytes' : 'other bytes'}`);
+    const cells = Object.entries(costs).map(([name, values]) => `${name} ${median(values)} (${Math.min(...values)}) ms, x ${(median(values) / median(costs.other)).toFixed(2)}`);
+    const { digest, fast, onCanvas } = prepared.this;
+    console.log(`${driver} ${size.join(' x ')}: ${cells.join('; ')}; ${digest === prepared.other.digest ? 'the same bytes' : 'other bytes'}; fast ${fast.toFixed(1)} dB, on the canvas ${onCanvas.toFixed(1)} dB`);
 }
 await browser.close();
 await Promise.all(servers.map((server) => server.close()));

@@ -70,6 +70,7 @@ export class GpuScene {
 
     /** The records of an image. */
     prepare(frame: Frame): FastPath {
+        if (this.fast?.has(frame)) return this.fast;
         return this.uploading((gl) => {
             if (!this.fast) this.renderer.info.memory.textures += FAST_TEXTURES;
             this.batches ??= new Batches(gl);

@@ -50,7 +50,7 @@ export interface FrameFigures {
     widthPx: number;
     heightPx: number;
     precision: 'exact' | 'fast';
-    /** Whether it shows the whole file, in the right order. */
+    /** Whether all of the file is there, in the right order: while the camera moves, slow devices show fewer splats all the same. */
     complete: boolean;
 }
 
@@ -413,7 +413,7 @@ export class Viewer {
                 void this.complement();
             }
             if (view) {
-                this.fenceComplete = this.complete && plan.share === 1;
+                this.fenceComplete = this.complete;
                 pace.draw(plan, () => this.paint(view, plan));
             }
         }

@@ -32,20 +32,22 @@ export class FastPath {
         return (this.atlas?.bytes ?? 0) + 16 * PARTS.length * RECORDS_PER_ROW * this.rows;
     }
 
+    /** Whether `prepare` has nothing to do for an image. */
+    has(frame: Frame): boolean {
+        return this.scene === frame.buffers && this.recorded === keyOf(frame);
+    }
+
     /** Makes the records of an image and what they refer to, unless they are there. Leaves another framebuffer bound. */
     prepare(frame: Frame): void {
-        const { buffers, info, view } = frame;
+        if (this.has(frame)) return;
+        const { buffers, info } = frame;
         if (this.scene !== buffers) {
             this.atlas?.dispose();
             this.atlas = new Atlas(this.gl, info, buffers, this.batches);
             this.scene = buffers;
-            this.recorded = '';
         }
         this.atlas!.update();
-        const { rotation, translation, focalPx, principalPx, widthPx, heightPx } = view;
-        const wanted = [frame.colours, frame.budget, frame.drawn, frame.orderVersion, buffers.version, widthPx, heightPx, ...rotation, ...translation, ...focalPx, ...principalPx].join();
-        if (wanted === this.recorded) return;
-        this.recorded = wanted;
+        this.recorded = keyOf(frame);
         this.project(frame);
     }
 
@@ -126,4 +128,10 @@ export class FastPath {
         this.records = null;
         this.rows = 0;
     }
+}
+
+/** All that records depend on. */
+function keyOf({ view, buffers, orderVersion, drawn, budget, colours }: Frame): string {
+    const { rotation, translation, focalPx, principalPx, widthPx, heightPx } = view;
+    return [colours, budget, drawn, orderVersion, buffers.version, widthPx, heightPx, ...rotation, ...translation, ...focalPx, ...principalPx].join();
 }
