@@ -15,7 +15,8 @@ const EXPECTED = { 1: 6, 3: 10 } as const;
 export class Atlas {
     readonly halvings: 1 | 3;
     readonly places: Pool;
-    texture: WebGLTexture | null = null;
+    /** Given more rows in place: others may have bound it. */
+    readonly texture: WebGLTexture;
     rows = 0;
     private readonly layout: AtlasLayout;
     private readonly program: Program;
@@ -28,6 +29,10 @@ export class Atlas {
         this.layout = new AtlasLayout(buffers.capacity, Math.min(65535, gl.getParameter(gl.MAX_TEXTURE_SIZE) as number), this.halvings);
         this.program = bakeProgram(gl);
         this.framebuffer = gl.createFramebuffer()!;
+        this.texture = gl.createTexture()!;
+        gl.bindTexture(gl.TEXTURE_2D, this.texture);
+        for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, name, gl.LINEAR);
+        for (const name of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, name, gl.CLAMP_TO_EDGE);
     }
 
     get bytes(): number {
@@ -62,12 +67,8 @@ export class Atlas {
         const { gl, info, layout, buffers } = this;
         const toCome = Math.max(0, info.texels - buffers.numTexels) * EXPECTED[this.halvings] / ATLAS_COLUMNS;
         this.rows = Math.min(gl.getParameter(gl.MAX_TEXTURE_SIZE) as number, layout.rows + Math.ceil(toCome));
-        gl.deleteTexture(this.texture);
-        this.texture = gl.createTexture()!;
         gl.bindTexture(gl.TEXTURE_2D, this.texture);
-        gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA8, ATLAS_COLUMNS, this.rows);
-        for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, name, gl.LINEAR);
-        for (const name of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, name, gl.CLAMP_TO_EDGE);
+        gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, ATLAS_COLUMNS, this.rows, 0, gl.RGBA, gl.UNSIGNED_BYTE, null);
         gl.bindFramebuffer(gl.FRAMEBUFFER, this.framebuffer);
         gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, this.texture, 0);
     }

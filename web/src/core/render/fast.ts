@@ -16,7 +16,8 @@ export class FastPath {
     private readonly record: Program;
     private readonly quads = new Map<string, Program>();
     private readonly framebuffer: WebGLFramebuffer;
-    private records: Record<typeof PARTS[number], WebGLTexture> | null = null;
+    /** Given more rows in place: others may have bound them. */
+    private readonly records: Readonly<Record<typeof PARTS[number], WebGLTexture>>;
     private rows = 0;
     private atlas: Atlas | null = null;
     /** What the records are of. */
@@ -26,6 +27,7 @@ export class FastPath {
     constructor(private readonly gl: WebGL2RenderingContext, private readonly batches: Batches) {
         this.record = recordProgram(gl);
         this.framebuffer = gl.createFramebuffer()!;
+        this.records = Object.fromEntries(PARTS.map((part) => [part, gl.createTexture()!])) as typeof this.records;
     }
 
     get bytes(): number {
@@ -54,7 +56,7 @@ export class FastPath {
     /** What `prepare` made, by the names of the quads' samplers. */
     get textures() {
         const { atlas, scene, records } = this;
-        return { ...records!, splats: scene!.splats.texture, means: scene!.means.texture, places: atlas!.places.texture, atlas: atlas!.texture! };
+        return { ...records, splats: scene!.splats.texture, means: scene!.means.texture, places: atlas!.places.texture, atlas: atlas!.texture };
     }
 
     /** Texels. */
@@ -84,7 +86,7 @@ export class FastPath {
     }
 
     dispose(): void {
-        this.dropRecords();
+        Object.values(this.records).forEach((texture) => this.gl.deleteTexture(texture));
         this.atlas?.dispose();
         this.gl.deleteFramebuffer(this.framebuffer);
         this.record.dispose();
@@ -108,25 +110,16 @@ export class FastPath {
 
     private makeRecords(rows: number): void {
         const { gl } = this;
-        this.dropRecords();
         gl.bindFramebuffer(gl.FRAMEBUFFER, this.framebuffer);
-        const made = PARTS.map((part, i) => {
-            const texture = gl.createTexture()!;
+        PARTS.forEach((part, i) => {
+            const texture = this.records[part];
             gl.bindTexture(gl.TEXTURE_2D, texture);
-            gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA32UI, RECORDS_PER_ROW, rows);
+            gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32UI, RECORDS_PER_ROW, rows, 0, gl.RGBA_INTEGER, gl.UNSIGNED_INT, null);
             for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, name, gl.NEAREST);
             gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0 + i, gl.TEXTURE_2D, texture, 0);
-            return [part, texture] as const;
         });
         gl.drawBuffers(PARTS.map((_, i) => gl.COLOR_ATTACHMENT0 + i));
-        this.records = Object.fromEntries(made) as NonNullable<typeof this.records>;
         this.rows = rows;
-    }
-
-    private dropRecords(): void {
-        Object.values(this.records ?? {}).forEach((texture) => this.gl.deleteTexture(texture));
-        this.records = null;
-        this.rows = 0;
     }
 }
 
