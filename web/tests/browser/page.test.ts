@@ -365,7 +365,6 @@ describe.skipIf(!browserPath())('page', () => {
         }
         expect(difference(second, first).largest).toBe(0);
         const shown = await draws(page);
-        console.log(shown.join());
         expect(shown).toContain(1);
         expect(shown.slice(shown.indexOf(1)).every((batches) => batches === 1), 'an empty image between two scenes').toBe(true);
 

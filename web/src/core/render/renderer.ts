@@ -148,7 +148,8 @@ export class SplatRenderer {
             view, info, buffers, order: this.ordered!, drawn: this.drawn, orderVersion: this.orderVersion,
             colours: options.colours ?? 'trained', budget: options.maxSplats ?? Infinity, depthRange: options.depthRange ?? [info.near, 1000 * info.near],
         };
-        const path = options.precision === 'fast' ? tools.fast : tools.exact;
+        // Before the first order there is nothing to make records of.
+        const path = options.precision === 'fast' && this.drawn > 0 ? tools.fast : tools.exact;
         if (path === tools.fast) tools.fast.prepare(frame);
         const onCanvas = options.onCanvas && info.colourSpace !== 'lin_rec709_display';
         const target = onCanvas ? null : this.targetOf(view, tools.format);
