@@ -2,8 +2,8 @@
 
 /** While the camera moves, images should take no longer. */
 const MOVING_MS = 25;
-/** Images that are judged together; fewer if these take as long as so many should. */
-const JUDGED = 20;
+/** Images whose median counts; fewer if these take as long as that many should. */
+const IMAGES = 20;
 /** How long the camera rests before the image is sharp again. */
 const REST_MS = 150;
 /** At rest, exact images are drawn where one takes less. */
@@ -33,7 +33,8 @@ export class Pace {
     drawn: Plan = { ratio: 1, share: 1, precision: 'fast', moving: false };
     /** Index into STEPS. */
     private step = 0;
-    private readonly judged: number[] = [];
+    /** Milliseconds of images whose median is not taken yet. */
+    private readonly taken: number[] = [];
     /** Milliseconds of the last fast image at rest; null: not known. */
     private restMs: number | null = null;
     private exactIsSlow = false;
@@ -103,16 +104,16 @@ export class Pace {
 
     /** Takes the milliseconds of the last image. */
     learn(ms: number): void {
-        const { drawn, judged } = this;
+        const { drawn, taken } = this;
         if (!drawn.moving) {
             if (drawn.precision === 'fast') this.restMs = ms;
             else this.exactIsSlow ||= ms > EXACT_MS;
             return;
         }
-        judged.push(ms);
-        if (judged.length < JUDGED && judged.reduce((sum, one) => sum + one, 0) < JUDGED * MOVING_MS) return;
-        const median = judged.sort((a, b) => a - b)[judged.length >> 1];
-        judged.length = 0;
+        taken.push(ms);
+        if (taken.length < IMAGES && taken.reduce((sum, one) => sum + one, 0) < IMAGES * MOVING_MS) return;
+        const median = taken.sort((a, b) => a - b)[taken.length >> 1];
+        taken.length = 0;
         if (median > MOVING_MS) this.step = Math.min(STEPS.length - 1, this.step + Math.max(1, Math.round(Math.log2(median / MOVING_MS))));
     }
 

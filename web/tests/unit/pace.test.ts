@@ -11,7 +11,7 @@ beforeEach(() => {
 
 const pace = () => new Pace({} as WebGL2RenderingContext);
 
-/** Draws images of so many milliseconds as it likes, moving. */
+/** Draws images that take this long, moving. */
 function move(of: Pace, images: number, ms: number): void {
     for (let i = 0; i < images; i++) {
         of.moved();
