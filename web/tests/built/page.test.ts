@@ -34,6 +34,6 @@ describe('exporters/page/view.html', () => {
         expect(at('<title>')).toBeGreaterThan(0);
         expect(at('<body>')).toBeGreaterThan(at('</title>'));
         expect(html.match(/<body>|<title>|<\/body>/g)).toHaveLength(3);
-        expect(Buffer.byteLength(html)).toBeLessThan(150_000);
+        expect(Buffer.byteLength(html)).toBeLessThan(175_000);
     });
 });
