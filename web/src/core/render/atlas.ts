@@ -5,7 +5,7 @@ import type { Batches } from './batch';
 import type { SplatBuffers } from './buffers';
 import { ATLAS_COLUMNS, AtlasLayout } from './layout';
 import { Pool } from './pool';
-import { bakeProgram, type Program } from './program';
+import type { Program } from './program';
 
 /** Copies cost memory: three halvings along each axis are kept of up to this many texels, one of more. */
 const TEXELS_OF_SMALL_SCENES = 400_000;
@@ -19,15 +19,16 @@ export class Atlas {
     readonly texture: WebGLTexture;
     rows = 0;
     private readonly layout: AtlasLayout;
-    private readonly program: Program;
     private readonly framebuffer: WebGLFramebuffer;
     private version = -1;
 
-    constructor(private readonly gl: WebGL2RenderingContext, private readonly info: SceneInfo, private readonly buffers: SplatBuffers, private readonly batches: Batches) {
+    /** `program`: that of `bake`. */
+    constructor(
+        private readonly gl: WebGL2RenderingContext, private readonly info: SceneInfo, private readonly buffers: SplatBuffers, private readonly batches: Batches, private readonly program: Program,
+    ) {
         this.halvings = info.texels <= TEXELS_OF_SMALL_SCENES ? 3 : 1;
         this.places = new Pool(gl, 'r32ui', buffers.capacity);
         this.layout = new AtlasLayout(buffers.capacity, Math.min(65535, gl.getParameter(gl.MAX_TEXTURE_SIZE) as number), this.halvings);
-        this.program = bakeProgram(gl);
         this.framebuffer = gl.createFramebuffer()!;
         this.texture = gl.createTexture()!;
         gl.bindTexture(gl.TEXTURE_2D, this.texture);
@@ -59,7 +60,6 @@ export class Atlas {
         this.gl.deleteTexture(this.texture);
         this.gl.deleteFramebuffer(this.framebuffer);
         this.places.dispose();
-        this.program.dispose();
     }
 
     /** Makes room for what is there, and for what is expected. */

@@ -6,7 +6,7 @@
 import { Atlas } from './atlas';
 import type { Batches } from './batch';
 import { ATLAS_COLUMNS } from './layout';
-import { type Program, quadProgram, recordProgram, RECORDS_PER_ROW } from './program';
+import { bakeProgram, type Program, quadProgram, recordProgram, RECORDS_PER_ROW } from './program';
 import { type Frame, setProjection, variantOf } from './projection';
 
 /** Attachments of 16 bytes, as many as every WebGL2 device has. */
@@ -14,6 +14,7 @@ const PARTS = ['place', 'falloff', 'shape', 'paint'] as const;
 
 export class FastPath {
     private readonly record: Program;
+    private readonly bake: Program;
     private readonly quads = new Map<string, Program>();
     private readonly framebuffer: WebGLFramebuffer;
     /** Given more rows in place: others may have bound them. */
@@ -26,8 +27,14 @@ export class FastPath {
 
     constructor(private readonly gl: WebGL2RenderingContext, private readonly batches: Batches) {
         this.record = recordProgram(gl);
+        this.bake = bakeProgram(gl);
         this.framebuffer = gl.createFramebuffer()!;
         this.records = Object.fromEntries(PARTS.map((part) => [part, gl.createTexture()!])) as typeof this.records;
+    }
+
+    /** Makes the shader of trained colours, which the first image would wait for. */
+    compile(): void {
+        this.quad('');
     }
 
     get bytes(): number {
@@ -45,7 +52,7 @@ export class FastPath {
         const { buffers, info } = frame;
         if (this.scene !== buffers) {
             this.atlas?.dispose();
-            this.atlas = new Atlas(this.gl, info, buffers, this.batches);
+            this.atlas = new Atlas(this.gl, info, buffers, this.batches, this.bake);
             this.scene = buffers;
         }
         this.atlas!.update();
@@ -68,8 +75,7 @@ export class FastPath {
     draw(frame: Frame): void {
         const { gl } = this;
         const variant = variantOf(frame);
-        const program = this.quads.get(variant) ?? quadProgram(gl, variant);
-        this.quads.set(variant, program);
+        const program = this.quad(variant);
         gl.useProgram(program.program);
         program.textures(this.textures);
         gl.uniform1i(program.uniform('drawn'), frame.drawn);
@@ -90,7 +96,14 @@ export class FastPath {
         this.atlas?.dispose();
         this.gl.deleteFramebuffer(this.framebuffer);
         this.record.dispose();
+        this.bake.dispose();
         this.quads.forEach((program) => program.dispose());
+    }
+
+    private quad(variant: string): Program {
+        const made = this.quads.get(variant) ?? quadProgram(this.gl, variant);
+        this.quads.set(variant, made);
+        return made;
     }
 
     private project(frame: Frame): void {

@@ -3,6 +3,7 @@
 import bakeFragment from './shaders/bake.frag.glsl?raw';
 import bakeVertex from './shaders/bake.vert.glsl?raw';
 import colour from './shaders/colour.glsl?raw';
+import fetch from './shaders/fetch.glsl?raw';
 import project from './shaders/project.glsl?raw';
 import quadFragment from './shaders/quad.frag.glsl?raw';
 import quadVertex from './shaders/quad.vert.glsl?raw';
@@ -33,10 +34,10 @@ const VALUES = {
 const DEFINES = Object.entries(VALUES).map(([name, value]) => `#define ${name} ${value}\n`).join('');
 
 /** Sources of the exact path's shaders without `#version`, which programs such as three.js add themselves. */
-export const SPLAT_SHADERS = { vertex: DEFINES + project + splatVertex, fragment: DEFINES + colour + splatFragment } as const;
+export const SPLAT_SHADERS = { vertex: DEFINES + fetch + project + splatVertex, fragment: DEFINES + colour + splatFragment } as const;
 
 /** Sources of the fast path's, which draw records. */
-export const QUAD_SHADERS = { vertex: DEFINES + quadVertex, fragment: colour + quadFragment } as const;
+export const QUAD_SHADERS = { vertex: DEFINES + fetch + quadVertex, fragment: colour + quadFragment } as const;
 
 export class Program {
     readonly program: WebGLProgram;
@@ -85,7 +86,7 @@ export function splatProgram(gl: WebGL2RenderingContext, defines: string): Progr
 
 /** Projects splats into records. */
 export function recordProgram(gl: WebGL2RenderingContext): Program {
-    return new Program(gl, resolveVertex, DEFINES + project + recordFragment);
+    return new Program(gl, resolveVertex, DEFINES + fetch + project + recordFragment);
 }
 
 /** Draws records, in a variant. */
@@ -96,7 +97,7 @@ export function quadProgram(gl: WebGL2RenderingContext, variant: string): Progra
 
 /** Fills the atlas. */
 export function bakeProgram(gl: WebGL2RenderingContext): Program {
-    return new Program(gl, DEFINES + bakeVertex, bakeFragment);
+    return new Program(gl, DEFINES + fetch + bakeVertex, bakeFragment);
 }
 
 export function resolveProgram(gl: WebGL2RenderingContext): Program {

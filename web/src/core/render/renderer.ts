@@ -33,7 +33,7 @@ export interface RendererOptions {
 
 export interface DrawOptions {
     /**
-     * `exact` (default): as the specification says, in 16 bits and more. `fast`: a third to a half of the time; maps of 8 bits are
+     * `exact` (default): as the specification says, in 16 bits and more. `fast`: half to two thirds of the time; maps of 8 bits are
      * interpolated by the hardware.
      */
     precision?: 'exact' | 'fast';
@@ -189,10 +189,11 @@ export class SplatRenderer {
         const best = bestTarget(gl); // also allows targets of floats that options ask for
         const format = options.target === 'canvas' ? null : options.target ?? best;
         if (format === 'rgba32f') gl.getExtension('EXT_float_blend');
-        const batches = new Batches(gl);
+        const batches = new Batches(gl), fast = new FastPath(gl, batches);
+        fast.compile();
         return {
             order: new Order((made) => this.setOrder(made)), batches, exact: new ExactPath(gl, batches, options.defines ?? ''),
-            fast: new FastPath(gl, batches), resolve: resolveProgram(gl), format,
+            fast, resolve: resolveProgram(gl), format,
         };
     }
 

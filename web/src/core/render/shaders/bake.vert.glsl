@@ -1,8 +1,4 @@
 // Maps into the atlas: a quad over the block of each splat that has one, a batch an instance.
-precision highp float;
-precision highp int;
-precision highp usampler2D;
-
 uniform usampler2D splats; // see pack.ts
 uniform usampler2D places; // column, row of the block, 16 bits each
 uniform int first; // splat
@@ -13,18 +9,10 @@ uniform vec2 atlasSize; // texels
 flat out ivec4 map; // rows, columns, first texel, -
 flat out ivec2 block;
 
-ivec2 texelOf(int index, int width) {
-    return ivec2(index % width, index / width);
-}
-
 // Texels of a block along an axis: each copy behind its border.
 int extent(int side) {
-    int sum = 1 + side;
-    for (int halved = 0; halved < halvings; halved++) {
-        side = (side + 1) / 2;
-        sum += 1 + side;
-    }
-    return sum;
+    ivec2 last = copyOf(side, halvings);
+    return last.x + last.y;
 }
 
 void main() {

@@ -3,6 +3,9 @@ precision highp float;
 precision highp int;
 precision highp sampler2D;
 
+const float ALPHA_MIN = 1.0 / 255.0;
+const float ALPHA_MAX = 0.99;
+
 // From sRGB code values to linear light, the reverse, or as they are.
 vec3 converted(vec3 c) {
 #if defined(TO_LINEAR)

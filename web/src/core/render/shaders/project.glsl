@@ -3,10 +3,6 @@
 //
 // Everything a sample needs is affine in q, the pixel relative to the projected centre (y down): with D = 1 + plane . q,
 // the standardised offset on the surfel is (falloffU . q, falloffV . q) / D, and so are the texture coordinates.
-precision highp float;
-precision highp int;
-precision highp sampler2D;
-precision highp usampler2D;
 
 const float EDGE_ON = 0.001;
 const float ALPHA_MIN = 1.0 / 255.0;
@@ -58,10 +54,6 @@ struct Projected {
     int degree;
     float opacity; // filtered
 };
-
-ivec2 texelOf(int index, int width) {
-    return ivec2(index % width, index / width);
-}
 
 vec3 rotate(vec4 xyzw, vec3 v) {
     return v + 2.0 * cross(xyzw.xyz, cross(xyzw.xyz, v) + xyzw.w * v);

@@ -1,6 +1,4 @@
 // The fast path: one sample of a splat. Premultiplied, for blending from back to front.
-const float ALPHA_MIN = 1.0 / 255.0;
-const float ALPHA_MAX = 0.99;
 
 uniform sampler2D atlas; // texels in [-1, 1] as (127 t + 128) / 255: an exact zero
 #ifdef EXACT_DEPTH

@@ -1,9 +1,4 @@
 // The fast path, four times a splat: a quad from its record.
-precision highp float;
-precision highp int;
-precision highp sampler2D;
-precision highp usampler2D;
-
 uniform usampler2D place, falloff, shape, paint; // records, see record.frag.glsl
 uniform usampler2D splats; // see pack.ts
 uniform sampler2D means; // RGB per splat: weighted mean of its map
@@ -25,20 +20,6 @@ flat out vec4 base; // base colour, opacity
 flat out vec4 fromOffset; // texture coordinates by the standardised offset: x and z along, y across; the centre's column
 flat out float centreRow;
 flat out vec4 limits; // of texture coordinates: least, greatest
-
-ivec2 texelOf(int index, int width) {
-    return ivec2(index % width, index / width);
-}
-
-// Where the copy of a map begins that is halved this often along an axis, texels from the block's border; and its side.
-ivec2 copyOf(int side, int halved) {
-    int begin = 1;
-    for (; halved > 0; halved--) {
-        begin += side + 1;
-        side = (side + 1) / 2;
-    }
-    return ivec2(begin, side);
-}
 
 void setTexture(uint splat, uint copy, vec3 texelsFromOffset) {
     fromOffset = vec4(0.0);

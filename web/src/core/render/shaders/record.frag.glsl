@@ -15,7 +15,7 @@ void main() {
     int slot = int(gl_FragCoord.y) * RECORDS_PER_ROW + int(gl_FragCoord.x);
     Projected p;
     if (slot >= drawn || !project(slot, p)) return;
-    // The copy of the map whose texels are as wide as the footprint: a box of F texels has the variance of 4^l of them, less that of the filter.
+    // The copy whose interpolation has the variance of the trained filter's: (F^2 + 2) / 3 = 4^l.
     vec2 halved = clamp(floor(0.5 * log2((p.footprint * p.footprint + 2.0) / 3.0) + 0.5), 0.0, float(halvings));
     uint copy = uint(halved.x) | uint(halved.y) << 2;
     if (p.side.x == 0 || colours != COLOURS_TRAINED) copy = NO_MAP;

@@ -1,6 +1,4 @@
 // The exact path: one sample of a splat, exporters/schema/gltf.md, section 6, steps 2 to 7. Premultiplied, for blending from back to front.
-const float ALPHA_MIN = 1.0 / 255.0;
-const float ALPHA_MAX = 0.99;
 const float D_MIN = 0.0001;
 
 uniform sampler2D texels; // RGB of one texel per texel
