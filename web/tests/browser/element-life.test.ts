@@ -56,6 +56,10 @@ describe.skipIf(!browserPath())('<litetex-viewer>', () => {
     const contexts = () => browser.page.evaluate(() => (window as unknown as Tools).contexts());
     const loaded = (count: number) => expect.poll(() => number('loads'), { timeout: 60_000 }).toBe(count);
     const rest = () => browser.page.waitForTimeout(400);
+    /** Waits until element `i`, which someone has moved, glides no longer and is sharp again. */
+    async function untilStill(i: number): Promise<void> {
+        for (let [before, now] = [EMPTY, await shown(i)]; farthest(before, now) > 0; [before, now] = [now, await shown(i)]) await browser.page.waitForTimeout(1000);
+    }
     /** Whether element `i` has a context, and shows no still image. */
     const isLive = (i: number) => browser.page.evaluate((index) => {
         const { shadowRoot } = document.querySelectorAll('litetex-viewer')[index];
@@ -108,7 +112,7 @@ describe.skipIf(!browserPath())('<litetex-viewer>', () => {
         await browser.page.mouse.down();
         await browser.page.mouse.move(160, place + 80, { steps: 3 });
         await browser.page.mouse.up();
-        await rest();
+        await untilStill(10);
         expect(farthest(await shown(10), expected)).toBeGreaterThan(5);
         // No longer visible, and visible again: as it was left.
         const left = await shown(10);
