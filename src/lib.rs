@@ -31,6 +31,7 @@ pub mod rounding;
 pub mod run;
 pub mod sample;
 pub mod selftest;
+pub mod stand_in;
 pub mod structure_from_motion;
 pub mod text;
 pub mod train;

@@ -247,6 +247,7 @@ impl<'a> Job<'a> {
             mesh: args.mesh,
             steps,
             per_splat: rounding.per_splat(),
+            stand_in: None,
             cameras: args.cameras(),
             ply_up: args.up.unwrap_or_default().ply,
             spz,

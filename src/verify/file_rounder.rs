@@ -44,6 +44,8 @@ const SPLATS_MIN: u64 = 100;
 pub struct FileRounder<'a> {
     /// The file but for splats: cameras, background, provenance.
     frame: SplatAsset,
+    /// Views that sensitivities are measured at.
+    views: Vec<AssetCamera>,
     /// Largest size.
     max_bytes: u64,
     /// Bytes that it has for splats.
@@ -85,7 +87,15 @@ impl<'a> FileRounder<'a> {
         go_on: GoOn<'a>,
     ) -> Result<Self> {
         let splat_bytes = bytes_for_splats(&frame, max_bytes)?;
-        Ok(Self { frame, max_bytes, splat_bytes, statistics, go_on })
+        let training: Vec<AssetCamera> = frame.cameras.iter().filter(|c| !c.held_out).cloned().collect();
+        let views = evenly_spread(&training, MEASURED_VIEWS);
+        Ok(Self { frame, views, max_bytes, splat_bytes, statistics, go_on })
+    }
+
+    /// Measures at these views, at most [`MEASURED_VIEWS`] of them, instead of the file's own.
+    #[must_use]
+    pub fn with_views(self, views: &[AssetCamera]) -> Self {
+        Self { views: evenly_spread(views, MEASURED_VIEWS), ..self }
     }
 
     /// The model as an asset; nothing may be left out.
@@ -104,11 +114,9 @@ impl<'a> FileRounder<'a> {
 
     /// Exponents and steps, up to a factor, by which rounding any number costs the same error of images.
     fn measured(&self, asset: &SplatAsset) -> Result<Quantisation> {
-        let training: Vec<AssetCamera> = asset.cameras.iter().filter(|c| !c.held_out).cloned().collect();
-        let views = evenly_spread(&training, MEASURED_VIEWS);
         let mut backend = (self.statistics)()?;
-        let (base, exponents) = sensitivities(backend.as_mut(), asset, &views, self.go_on)?.rounding(asset);
-        let contributions = Contribution::measure(backend.as_mut(), asset, &views, self.go_on)?.weight_px;
+        let (base, exponents) = sensitivities(backend.as_mut(), asset, &self.views, self.go_on)?.rounding(asset);
+        let contributions = Contribution::measure(backend.as_mut(), asset, &self.views, self.go_on)?.weight_px;
         Ok(Quantisation { base, factor_log2: 0.0, exponents, contributions })
     }
 }

@@ -1,5 +1,6 @@
 //! What readers and validators return besides the asset, the same for all formats.
 
+use crate::ltgs::StandInSize;
 use crate::{Quality, SplatAsset, text};
 
 /// What a part of a file describes: reports give sizes per splat, per texel or as they are.
@@ -67,6 +68,8 @@ pub struct Contents {
     pub sections: Vec<Section>,
     /// Layers of the file, those that were left out included; empty if the format has none.
     pub layers: Vec<LayerSize>,
+    /// The stand-in of a `.ltgs` file, if it has one.
+    pub stand_in: Option<StandInSize>,
     /// What is odd about the file, but not a reason to refuse it.
     pub warnings: Vec<String>,
 }

@@ -27,6 +27,8 @@ pub struct WriteOptions<'a> {
     pub steps: Option<ltgs::Steps>,
     /// What is known of the splats, for lossy `.ltgs` files.
     pub per_splat: ltgs::PerSplat<'a>,
+    /// A small scene that `.ltgs` files, also those in pages and glTF, show first.
+    pub stand_in: Option<ltgs::StandIn<'a>>,
     /// Cameras that glTF and USD files hold for other programs.
     pub cameras: Cameras,
     /// The axis of PLY files that points up.
@@ -72,17 +74,19 @@ fn encode(format: Format, path: &Path, asset: &SplatAsset, options: &WriteOption
     let quality = options.quality;
     match format {
         Format::Glb | Format::Gltf => {
-            let WriteOptions { steps, per_splat, cameras, .. } = *options;
-            let gltf_options = gltf::GltfOptions { quality, page_side: PAGE_SIDE, steps, per_splat, cameras };
+            let WriteOptions { steps, per_splat, stand_in, cameras, .. } = *options;
+            let page_side = PAGE_SIDE;
+            let gltf_options =
+                gltf::GltfOptions { quality, page_side, steps, per_splat, stand_in, cameras };
             (encoded.root, encoded.side) = gltf::encode_files(path, asset, &gltf_options)?;
             if options.mesh {
                 add_mesh(&mut encoded, &mesh_path(path), asset)?;
             }
         }
         Format::Ltgs | Format::Html => {
-            let WriteOptions { steps, per_splat, .. } = *options;
+            let WriteOptions { steps, per_splat, stand_in, .. } = *options;
             let ltgs_options =
-                ltgs::LtgsOptions { quality, steps, per_splat, ..ltgs::LtgsOptions::default() };
+                ltgs::LtgsOptions { quality, steps, per_splat, stand_in, ..ltgs::LtgsOptions::default() };
             let encode = if format == Format::Html { html::encode_html } else { ltgs::encode };
             encoded.root = encode(asset, &ltgs_options).map_err(|e| e.at(path))?;
         }
@@ -152,6 +156,7 @@ pub fn read_asset(path: &Path, limits: &ReadLimits) -> Result<Contents> {
                 hash: None,
                 sections: read.sections,
                 layers: Vec::new(),
+                stand_in: None,
                 warnings: read
                     .left_out
                     .into_iter()

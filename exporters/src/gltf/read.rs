@@ -118,6 +118,7 @@ fn ours(
         hash: Some(hash),
         sections,
         layers: Vec::new(),
+        stand_in: None,
         warnings: Vec::new(),
     })
 }
@@ -214,6 +215,7 @@ fn foreign(
         hash: None,
         sections,
         layers: Vec::new(),
+        stand_in: None,
         warnings: Vec::new(),
     })
 }

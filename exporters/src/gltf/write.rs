@@ -29,6 +29,8 @@ pub struct GltfOptions<'a> {
     pub steps: Option<ltgs::Steps>,
     /// What is known of the splats, for the `.ltgs` file.
     pub per_splat: ltgs::PerSplat<'a>,
+    /// A small scene that the `.ltgs` file shows first.
+    pub stand_in: Option<ltgs::StandIn<'a>>,
     /// Cameras for other programs; the metadata hold all.
     pub cameras: Cameras,
 }
@@ -40,6 +42,7 @@ impl Default for GltfOptions<'_> {
             page_side: PAGE_SIDE,
             steps: None,
             per_splat: ltgs::PerSplat::default(),
+            stand_in: None,
             cameras: Cameras::default(),
         }
     }
@@ -146,10 +149,10 @@ fn assemble(asset: &SplatAsset, options: &GltfOptions<'_>, stem: Option<&str>) -
 
 /// Assembles a file that holds a `.ltgs` file, and small attributes for other viewers.
 fn streamed(asset: &SplatAsset, options: &GltfOptions<'_>, stem: Option<&str>) -> Result<Assembled> {
-    let GltfOptions { quality, steps, per_splat, .. } = *options;
+    let GltfOptions { quality, steps, per_splat, stand_in, .. } = *options;
     let bytes = ltgs::encode(
         asset,
-        &ltgs::LtgsOptions { quality, steps, per_splat, ..ltgs::LtgsOptions::default() },
+        &ltgs::LtgsOptions { quality, steps, per_splat, stand_in, ..ltgs::LtgsOptions::default() },
     )?;
     // The attributes are made from what a reader gets.
     let kept = ltgs::decode(&bytes, Path::new(""), &ReadLimits::default())?.asset;

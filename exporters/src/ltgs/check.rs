@@ -17,6 +17,7 @@ use std::path::Path;
 /// | `LT3006` | the content has another hash than the file says |
 /// | `LT3007` | of a later minor version, whose additions are ignored |
 /// | `LT3008` | the splats do not make a valid asset |
+/// | `LT3009` | the stand-in is damaged |
 pub fn validate(bytes: &[u8], path: &Path) -> Vec<Issue> {
     let mut issues = Issues::default();
     match Reader::open(bytes, path, &ReadLimits::default()) {
@@ -46,6 +47,9 @@ fn check(reader: &Reader<'_>, issues: &mut Issues) {
     }
     if issues.list.iter().any(|i| i.code == "LT3004") {
         return;
+    }
+    if let Err(error) = reader.stand_in(&ReadLimits::default()) {
+        return add(issues, "LT3009", "stand-in", &error);
     }
     match reader.assemble(chunks) {
         Err(error) => add(issues, "LT3008", "", &error),

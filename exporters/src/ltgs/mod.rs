@@ -7,6 +7,7 @@
 //! | header | 64 bytes: version, counts, lengths, checksums |
 //! | metadata | JSON: frame, cameras, provenance, hash, steps |
 //! | contents | layer, position, counts, bounds and checksums of each chunk |
+//! | stand-in | a small `.ltgs` file that is shown first, if there is one |
 //! | geometry | per chunk: one stream per attribute, SH of degree 0 included; it contains the maps' means |
 //! | SH | per chunk: degrees of splats, and streams of the coefficients above degree 0 that they have |
 //! | texels | per chunk: a stream of texels |
@@ -40,6 +41,7 @@ mod read;
 mod sensitivities;
 mod shape;
 mod splats;
+mod stand_in;
 mod steps;
 mod tables;
 mod tally;
@@ -52,6 +54,7 @@ pub use orient::oriented;
 pub use plan::PerSplat;
 pub use read::{Reader, decode};
 pub use sensitivities::Sensitivities;
+pub use stand_in::{StandIn, StandInSize};
 pub use steps::Steps;
 pub use vectors::coder_vectors;
 pub use write::{Effort, LtgsOptions, Rounded, encode, quantised, rounded, rounded_in_place};

@@ -21,13 +21,14 @@ use twox_hash::XxHash3_64;
 
 /// A file whose tables have been read and checked; chunks are decoded on demand.
 pub struct Reader<'a> {
-    bytes: &'a [u8],
-    path: PathBuf,
+    pub(super) bytes: &'a [u8],
+    pub(super) path: PathBuf,
     pub(super) header: Header,
     pub(super) meta: FileMeta,
     pub(super) entries: Vec<Entry>,
     /// Chunks of the layers that the limits allow.
     num_wanted: usize,
+    limits: ReadLimits,
 }
 
 /// Decodes a file, or the layers of it that the limits allow, chunks in parallel; `path` is only for messages.
@@ -77,14 +78,19 @@ impl<'a> Reader<'a> {
             )));
         }
         let entries: Vec<Entry> = entries.as_chunks::<ENTRY_BYTES>().0.iter().map(Entry::decode).collect();
-        check_entries(&header, &entries).map_err(invalid)?;
+        check_entries(&header, &meta, &entries).map_err(invalid)?;
         let layers = limits.layers.unwrap_or(u32::MAX);
         let wanted = &entries[..entries.partition_point(|e| e.layer < layers)];
         let splats = wanted.iter().map(|e| u64::from(e.num_splats)).sum();
         let texels = wanted.iter().map(|e| e.num_texels).sum();
         limits_of_file.check(decoded_bytes(&header, splats, texels), "splats and texels", path)?;
         let num_wanted = wanted.len();
-        Ok(Self { bytes, path: path.to_owned(), header, meta, entries, num_wanted })
+        Ok(Self { bytes, path: path.to_owned(), header, meta, entries, num_wanted, limits: *limits })
+    }
+
+    /// Where the table of contents ends: the stand-in is there, or the first block.
+    pub(super) fn blocks_start(&self) -> usize {
+        HEADER_BYTES + self.header.tables_bytes()
     }
 
     /// Layers of the file: 0 without splats.
@@ -166,13 +172,18 @@ impl<'a> Reader<'a> {
     /// [`Error::Invalid`] if they do not make a valid asset, [`Error::TooLarge`].
     pub(super) fn assemble(&self, chunks: Vec<(SplatAsset, Tally)>) -> Result<Contents> {
         let (chunks, tallies): (Vec<_>, Vec<_>) = chunks.into_iter().unzip();
-        let asset = joined(self.empty(), self.header.sh_degree, chunks).map_err(|e| e.at(&self.path))?;
+        let mut asset = joined(self.empty(), self.header.sh_degree, chunks).map_err(|e| e.at(&self.path))?;
         asset.validate().map_err(|e| e.at(&self.path))?;
+        let (stand_in, size) = self.stand_in(&self.limits)?.unzip();
+        if self.limits.layers == Some(0) {
+            asset = stand_in.unwrap_or(asset);
+        }
         let mut tally = Tally::default();
         tallies.iter().for_each(|t| tally.merge(t));
         tally.count("header", HEADER_BYTES as u64);
         tally.count("metadata", self.header.meta_bytes.into());
         tally.count("contents", (self.entries.len() * ENTRY_BYTES) as u64);
+        tally.count("stand_in", size.map_or(0, |size| size.bytes));
         let unread = self.entries[self.num_wanted..].iter();
         tally.count("unread", unread.flat_map(|e| (0..3).map(|kind| e.block(kind).bytes)).sum());
         tally.count("other", self.header.file_bytes.saturating_sub(tally.total()));
@@ -184,6 +195,7 @@ impl<'a> Reader<'a> {
             hash: self.meta.hash().filter(|_| is_whole),
             sections: tally.sections(),
             layers: self.layer_sizes(),
+            stand_in: size,
             warnings: self.warnings(),
         })
     }
@@ -311,9 +323,13 @@ fn decoded_bytes(header: &Header, splats: u64, texels: u64) -> u64 {
 
 /// Checks that layers are in order and their chunks full, that blocks lie in order and without overlap within the file, and that
 /// counts agree with the header.
-fn check_entries(header: &Header, entries: &[Entry]) -> Result<(), String> {
+fn check_entries(header: &Header, meta: &FileMeta, entries: &[Entry]) -> Result<(), String> {
     check_layers(header, entries)?;
-    let mut end = (HEADER_BYTES + header.tables_bytes()) as u64;
+    let stand_in = meta.stand_in.as_ref().map_or(0, |stand_in| stand_in.bytes);
+    let mut end = stand_in.saturating_add((HEADER_BYTES + header.tables_bytes()) as u64);
+    if end > header.file_bytes {
+        return Err(format!("stand-in: {stand_in} bytes, the file has {}", header.file_bytes));
+    }
     for (chunk, kind) in blocks_in_order(entries) {
         let block = entries[chunk].block(kind);
         if block.offset < end {

@@ -1,6 +1,7 @@
 //! The metadata of a file as JSON: all of the asset except its arrays, and how numbers were rounded.
 
 use super::integers::{compress, expand};
+use super::stand_in::StandInEntry;
 use super::steps::Quantiser;
 use crate::Result;
 use crate::asset::hash::hash_from_text;
@@ -33,6 +34,9 @@ pub struct FileMeta {
     /// Steps and grid; absent in lossless files.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub quantiser: Option<Quantiser>,
+    /// A small scene that is shown first.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stand_in: Option<StandInEntry>,
     /// The object that all formats share.
     pub meta: Meta,
 }

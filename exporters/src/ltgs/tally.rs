@@ -3,10 +3,11 @@
 use crate::{Describes, Section};
 
 /// Names in the order of reports, and what they describe.
-const NAMES: [(&str, Describes); 16] = [
+const NAMES: [(&str, Describes); 17] = [
     ("header", Describes::Other),
     ("metadata", Describes::Other),
     ("contents", Describes::Other),
+    ("stand_in", Describes::Other),
     ("positions", Describes::Splats),
     ("rotations", Describes::Splats),
     ("scales", Describes::Splats),

@@ -6,6 +6,7 @@ use crate::{Error, Quality, ReadLimits, SplatAsset};
 use std::path::Path;
 
 mod layers;
+mod stand_in;
 
 const PATH: &str = "test.ltgs";
 

@@ -6,6 +6,7 @@ use super::lossless;
 use super::orient::{as_given, oriented};
 use super::plan::{PerSplat, Plan};
 use super::splats::SplatCodes;
+use super::stand_in::StandIn;
 use super::steps::{Quantiser, Steps};
 use super::tables::{FileMeta, Order};
 use super::texels::{Map, TexelWriter};
@@ -48,6 +49,8 @@ pub struct LtgsOptions<'a> {
     pub per_splat: PerSplat<'a>,
     /// How long lossless files may take.
     pub effort: Effort,
+    /// A small scene that is shown first.
+    pub stand_in: Option<StandIn<'a>>,
 }
 
 /// Encodes a file. The same asset and options give the same bytes.
@@ -62,7 +65,8 @@ pub fn encode(asset: &SplatAsset, options: &LtgsOptions<'_>) -> Result<Vec<u8>> 
     let steps = match (options.quality, options.steps) {
         (Quality::Lossless, _) => {
             let meta = file_meta(asset, options.quality, asset.hash(), None);
-            return assemble(asset, options.quality, &meta, &lossless_chunks(asset, options.effort));
+            let chunks = lossless_chunks(asset, options.effort);
+            return assemble(asset, options.quality, meta, options.stand_in, &chunks);
         }
         (_, Some(steps)) => steps,
         (Quality::Balanced | Quality::Custom, None) => Steps::balanced(),
@@ -70,14 +74,14 @@ pub fn encode(asset: &SplatAsset, options: &LtgsOptions<'_>) -> Result<Vec<u8>> 
     };
     steps.validate()?;
     let asset = &oriented(asset);
-    encode_planned(asset, options.quality, &Plan::new(asset, &steps, options.per_splat))
+    encode_planned(asset, options, &Plan::new(asset, &steps, options.per_splat))
 }
 
 /// Encodes a lossy file of an oriented asset as planned.
 ///
 /// # Errors
 /// As [`encode`].
-pub fn encode_planned(asset: &SplatAsset, quality: Quality, plan: &Plan) -> Result<Vec<u8>> {
+pub fn encode_planned(asset: &SplatAsset, options: &LtgsOptions<'_>, plan: &Plan) -> Result<Vec<u8>> {
     let coded = map_chunks(&plan.layers, |chunk| {
         let coded = CodedChunk::new(asset, plan, chunk)?;
         Ok((coded.encode(plan, asset.sh_degree)?, coded.decoded))
@@ -85,8 +89,8 @@ pub fn encode_planned(asset: &SplatAsset, quality: Quality, plan: &Plan) -> Resu
     let (chunks, decoded): (Vec<_>, Vec<_>) = coded.into_iter().unzip();
     let hash = SplatAsset::hash_of(asset, &decoded);
     drop(decoded);
-    let meta = file_meta(asset, quality, hash, Some(plan.quantiser));
-    assemble(asset, quality, &meta, &chunks)
+    let meta = file_meta(asset, options.quality, hash, Some(plan.quantiser));
+    assemble(asset, options.quality, meta, options.stand_in, &chunks)
 }
 
 fn file_meta(asset: &SplatAsset, quality: Quality, hash: u64, quantiser: Option<Quantiser>) -> FileMeta {
@@ -95,6 +99,7 @@ fn file_meta(asset: &SplatAsset, quality: Quality, hash: u64, quantiser: Option<
         order: if quantiser.is_some() { Order::Morton } else { Order::Given },
         hash: text_from_hash(hash),
         quantiser,
+        stand_in: None,
         meta: if quantiser.is_some() { Meta::with_short_cameras(asset) } else { Meta::of(asset) },
     }
 }
@@ -283,7 +288,15 @@ pub fn take_means(asset: &mut SplatAsset, means: &[[f64; 3]]) {
     }
 }
 
-fn assemble(asset: &SplatAsset, quality: Quality, meta: &FileMeta, chunks: &[Chunk]) -> Result<Vec<u8>> {
+fn assemble(
+    asset: &SplatAsset,
+    quality: Quality,
+    mut meta: FileMeta,
+    stand_in: Option<StandIn<'_>>,
+    chunks: &[Chunk],
+) -> Result<Vec<u8>> {
+    meta.stand_in = stand_in.map(|stand_in| stand_in.entry());
+    let stand_in = stand_in.map_or(&[][..], |stand_in| stand_in.file);
     let (meta_bytes, meta_text_bytes) = meta.encode()?;
     let blocks_bytes: usize = chunks.iter().flat_map(|c| &c.blocks).map(Vec::len).sum();
     let mut header = Header {
@@ -299,7 +312,7 @@ fn assemble(asset: &SplatAsset, quality: Quality, meta: &FileMeta, chunks: &[Chu
         tables_checksum: 0,
     };
     let mut tables = meta_bytes;
-    let first = HEADER_BYTES + header.tables_bytes();
+    let first = HEADER_BYTES + header.tables_bytes() + stand_in.len();
     header.file_bytes = (first + blocks_bytes) as u64;
     let mut offset = first as u64;
     let mut entries: Vec<Entry> = chunks.iter().map(|c| c.entry).collect();
@@ -314,6 +327,7 @@ fn assemble(asset: &SplatAsset, quality: Quality, meta: &FileMeta, chunks: &[Chu
     let mut bytes = Vec::with_capacity(first + blocks_bytes);
     bytes.extend(header.encode());
     bytes.extend(tables);
+    bytes.extend(stand_in);
     blocks.iter().for_each(|&(chunk, kind)| bytes.extend_from_slice(&chunks[chunk].blocks[kind]));
     Ok(bytes)
 }

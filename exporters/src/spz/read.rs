@@ -78,6 +78,7 @@ pub fn decode_spz(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<Cont
         hash: None,
         sections,
         layers: Vec::new(),
+        stand_in: None,
         warnings,
     })
 }

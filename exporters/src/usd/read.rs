@@ -190,6 +190,7 @@ impl<'a> Opened<'a> {
             hash,
             sections: self.sections(texture_bytes),
             layers: Vec::new(),
+            stand_in: None,
             warnings,
         })
     }
