@@ -40,6 +40,9 @@ pub const FILTER_VARIANCE_PX2: f64 = 0.1;
 /// below a sixth of a pixel alias.
 pub const FOOTPRINT_TEXELS_MAX: f64 = 8.0;
 
+/// Extent of a capture over the largest distance of a camera from the cameras' mean (3DGS).
+pub const EXTENT_MARGIN: f64 = 1.1;
+
 /// Farthest near plane, local units.
 pub const NEAR_MAX: f64 = 0.04;
 

@@ -3,11 +3,8 @@
 use super::source::Source;
 use crate::Report;
 use crate::camera::Similarity;
-use crate::constants::NEAR_MAX;
+use crate::constants::{EXTENT_MARGIN, NEAR_MAX};
 use glam::DVec3;
-
-/// Extent of the capture over the largest distance of a camera from the cameras' mean (3DGS).
-const EXTENT_MARGIN: f64 = 1.1;
 
 /// Near plane over the quantile of the points' depths; a few points may lie closer.
 const NEAR_SHARE: f64 = 0.5;

@@ -31,8 +31,8 @@ pub struct ExportArgs {
     /// File to write; several may follow
     #[arg(long, short, value_name = "FILE", num_args = 1..)]
     out: Vec<PathBuf>,
-    /// Keep only the first N layers of a .ltgs file, or one inside glTF, which are a coarser scene
-    #[arg(long, value_name = "N", value_parser = whole::<u32>(1..=u64::MAX), help_heading = "Scene")]
+    /// Keep only the first N layers of a .ltgs file, or one inside glTF, which are a coarser scene; 0: its stand-in
+    #[arg(long, value_name = "N", value_parser = whole::<u32>(0..=u64::MAX), help_heading = "Scene")]
     layers: Option<u32>,
     /// Two points and their distance, such as 'A.jpg:10,20 A.jpg:300,40 = 1.2m', by which a unit of the files becomes a metre; kept
     /// beside the run for later exports, "none" forgets it. Points: VIEW:x,y, a pixel of the stored photo, which shows the surface

@@ -4,15 +4,17 @@ use super::asset_args::{AssetArgs, CropBox};
 use super::exported::{Exported, Exports};
 use super::sources::{open_photos, read_limits};
 use super::views_progress::{ViewsProgress, views_to_render};
+use litetex_exporters::ltgs::{LtgsOptions, encode};
 use litetex_exporters::spz::{ShBits, SpzOptions};
 use litetex_exporters::{
-    AssetCamera, Format, METRES, Quality, SplatAsset, WriteOptions, num_sh_coefficients, read_asset,
-    read_fallback, stage_asset,
+    AssetCamera, ColourSpace, Format, METRES, Quality, SplatAsset, WriteOptions, num_sh_coefficients,
+    read_asset, read_fallback, stage_asset,
 };
 use litetex_gs::capture::Capture;
 use litetex_gs::console::{Interrupt, Log, device};
 use litetex_gs::run::Trained;
-use litetex_gs::text::format_count;
+use litetex_gs::stand_in::{self, MadeStandIn};
+use litetex_gs::text::{counted, format_bytes, format_count};
 use litetex_gs::verify::{
     Backends, BakedScene, Contribution, EXPORT_VIEWS, ExpectedImages, GoOn, PhotoPsnr, QualityLimits,
     ReadBack, Rounding, SceneRenderer, Verdict, evenly_spread, find_rounding, find_sh_bits, verify,
@@ -252,7 +254,10 @@ impl<'a> Job<'a> {
             ply_up: args.up.unwrap_or_default().ply,
             spz,
         };
-        let staged = stage_asset(path, rounding.adapted.as_ref().unwrap_or(asset), &options)?;
+        let rounded = rounding.adapted.as_ref().unwrap_or(asset);
+        let made = self.stand_in(rounded, path, &options)?;
+        let options = WriteOptions { stand_in: made.as_ref().map(MadeStandIn::as_written), ..options };
+        let staged = stage_asset(path, rounded, &options)?;
         for note in &staged.written().notes {
             log.warn("export", &format!("{}: {note}", path.display()), 1);
         }
@@ -265,8 +270,54 @@ impl<'a> Job<'a> {
         let on_test_photos = on_test_photos.flatten();
         let loses_textures = asset.num_texels() > 0 && !Format::of(path)?.keeps_textures();
         let (path, raw_bytes) = (path.to_owned(), raw_bytes(asset));
-        Ok(Exported { path, written, raw_bytes, verdict, on_test_photos, loses_textures })
+        Ok(Exported { path, written, raw_bytes, stand_in: made, verdict, on_test_photos, loses_textures })
     }
+
+    /// The stand-in of a file, if one is wanted and the file can have it.
+    fn stand_in(
+        &self,
+        asset: &SplatAsset,
+        path: &Path,
+        options: &WriteOptions<'_>,
+    ) -> Result<Option<MadeStandIn>> {
+        let &Self { args, device, go_on, log } = self;
+        if !args.preview {
+            return Ok(None);
+        }
+        let none = |why: &str| log.warn("no-stand-in", &format!("{}: no stand-in: {why}", path.display()), 1);
+        let format = Format::of(path)?;
+        let &WriteOptions { quality, steps, per_splat, .. } = options;
+        if !matches!(format, Format::Ltgs | Format::Html) && !format.has_steps(quality) {
+            none("only .ltgs files, pages and glTF files of quality tiny hold one");
+            return Ok(None);
+        }
+        let file = encode(asset, &LtgsOptions { quality, steps, per_splat, ..LtgsOptions::default() })
+            .map_err(|e| e.at(path))?;
+        let backends = Backends {
+            statistics: &|| device::open("cpu", log),
+            rendering: &|| device::open(device, log),
+            go_on,
+        };
+        let made = stand_in::make(&file, &backends)?;
+        match &made {
+            Some(made) => log.info(&format!("{}: {}", path.display(), words_of(made))),
+            None if asset.colour_space != ColourSpace::SrgbRec709Display => {
+                none("the scene is in linear light")
+            }
+            None => none("the file is below 100 kB and arrives soon enough"),
+        }
+        Ok(made)
+    }
+}
+
+fn words_of(made: &MadeStandIn) -> String {
+    let MadeStandIn { file, splats, psnr, until_bytes, scene_bytes } = made;
+    let share = 100.0 * *until_bytes as f64 / (*scene_bytes).max(1) as f64;
+    format!(
+        "stand-in of {}, {}, {psnr:.1} dB against the scene, better until {share:.0} % of it have arrived",
+        format_bytes(file.len() as u64),
+        counted(*splats, "splat")
+    )
 }
 
 /// Reads a file back and compares its images with the scene's, and with the photos of test views if they are there.

@@ -3,6 +3,7 @@
 use litetex_exporters::{ORIGIN_OPTION, Written};
 use litetex_gs::console::{Output, columns, path_text};
 use litetex_gs::report_page::FileFigures;
+use litetex_gs::stand_in::MadeStandIn;
 use litetex_gs::text::format_bytes;
 use litetex_gs::verify::{PhotoPsnr, Verdict};
 use litetex_gs::{Error, Result};
@@ -25,6 +26,8 @@ pub struct Exported {
     pub written: Written,
     /// Size of the scene's numbers as f32.
     pub raw_bytes: u64,
+    /// The small scene at its beginning.
+    pub stand_in: Option<MadeStandIn>,
     /// `None` if the file was not verified.
     pub verdict: Option<Verdict>,
     /// On the photos of the test views, if the capture of the run is still there.
@@ -92,6 +95,13 @@ impl Exported {
             "path": path_text(&self.path),
             "files": each.collect::<Vec<_>>(),
             "raw_bytes": self.raw_bytes,
+            "stand_in": self.stand_in.as_ref().map(|made| json!({
+                "bytes": made.file.len(),
+                "splats": made.splats,
+                "psnr_to_scene": made.psnr,
+                "until_bytes": made.until_bytes,
+                "scene_bytes": made.scene_bytes,
+            })),
             "verdict": self.verdict,
             "on_test_photos": self.on_test_photos,
             "lost_textures": self.loses_textures.then(|| json!({

@@ -238,6 +238,11 @@ fn asset(path: &Path, log: &Log) -> Result<Value> {
         "bits_per_texel": rounded(8.0 * sums[1] / asset.num_texels().max(1) as f64),
         "sections": sections,
         "layers": of_layers(&contents.layers),
+        "stand_in": contents.stand_in.map(|stand_in| json!({
+            "bytes": stand_in.bytes,
+            "splats": stand_in.splats,
+            "until_bytes": stand_in.until_bytes,
+        })),
         "model": of_asset(asset),
         "background": asset.background,
         "cameras": asset.cameras.len(),

@@ -60,8 +60,8 @@ pub struct RenderArgs {
     /// Write EXR in 32-bit float instead of PNG
     #[arg(long)]
     exr: bool,
-    /// Render only the first N layers of a .ltgs file, or one inside glTF, which are a coarser scene
-    #[arg(long, value_name = "N", value_parser = whole::<u32>(1..=u64::MAX))]
+    /// Render only the first N layers of a .ltgs file, or one inside glTF, which are a coarser scene; 0: its stand-in
+    #[arg(long, value_name = "N", value_parser = whole::<u32>(0..=u64::MAX))]
     layers: Option<u32>,
     /// Use the views of this capture instead of the scene's own
     #[arg(long, value_name = "DIR")]

@@ -51,7 +51,7 @@ pub fn run(mut args: TrainArgs, nth: Option<usize>, log: &Log) -> Result<Output>
     if finished.is_some() {
         exports.retain(|file| !file.exists());
     }
-    let asset = AssetArgs { force: args.force, ..AssetArgs::default() };
+    let asset = AssetArgs { force: args.force, preview: args.training.preview, ..AssetArgs::default() };
     // Before hours of training, not after.
     outputs::check(None, &exports, &asset)?;
     let FinishedRun { summary, run, live } = finished.map_or_else(|| train_run(&args, log), Ok)?;
@@ -84,10 +84,10 @@ pub fn run(mut args: TrainArgs, nth: Option<usize>, log: &Log) -> Result<Output>
 /// Writes the file of a run that has a wanted size, unless it is there.
 fn write_sized(run: &Path, device: &str, log: &Log) -> Result<Option<Exports>> {
     let file = run.join(SCENE);
-    let wanted = RunConfig::read(&run.join("config.toml"))?.train.max_bytes;
-    let Some(max_size) = wanted.filter(|_| !file.exists()) else { return Ok(None) };
+    let config = RunConfig::read(&run.join("config.toml"))?;
+    let Some(max_size) = config.train.max_bytes.filter(|_| !file.exists()) else { return Ok(None) };
     let (scene, trained) = load_scene(run, log)?;
-    let args = AssetArgs { max_size: Some(max_size), ..AssetArgs::default() };
+    let args = AssetArgs { max_size: Some(max_size), preview: config.preview, ..AssetArgs::default() };
     export_files::write_all((scene, trained.as_ref()), &[file], &args, device, log).map(Some)
 }
 
@@ -179,7 +179,7 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<FinishedRun> {
     let go_on = || !interrupt.is_requested();
     let rounder =
         |max_bytes| FileRounder::new(file_frame(&capture, &job.config), max_bytes, &statistics, &go_on);
-    let mut rounder = job.config.train.max_bytes.map(rounder).transpose()?;
+    let mut rounder = job.config.scene_max_bytes().map(rounder).transpose()?;
     let recorder = Recorder::new(&folder, &*capture, &job.config, state.step, total_secs)?;
     let progress = Progress::new(log, state.step, job.config.train.last_step());
     let mut session = Session::new(recorder, progress, log, interrupt.clone());

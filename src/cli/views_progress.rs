@@ -6,6 +6,7 @@ use super::progress::{BAR_INTERVAL, LINE_INTERVAL, bar};
 use indicatif::ProgressBar;
 use litetex_exporters::{Format, SplatAsset};
 use litetex_gs::console::Log;
+use litetex_gs::stand_in::VIEWS_TO_RENDER;
 use litetex_gs::text::{counted, format_duration};
 use litetex_gs::verify::{EXPORT_VIEWS, VIEWS_AROUND, sh_bits_views};
 use serde_json::json;
@@ -27,7 +28,8 @@ pub fn views_to_render(asset: &SplatAsset, outputs: &[PathBuf], args: &AssetArgs
         let images =
             if format.keeps_textures() && !matches!(format, Format::Ltgs | Format::Html) { 3 } else { 1 };
         let bits = if format == Format::Spz { sh_bits_views(asset, args.quality(), training) } else { 0 };
-        found + bits + images * verified
+        let stand_in = if args.preview { VIEWS_TO_RENDER } else { 0 };
+        found + bits + images * verified + stand_in
     };
     let edited = if args.min_contribution.is_some() { training } else { 0 };
     (edited + 2 * verified + outputs.iter().map(of_file).sum::<usize>()) as u64

@@ -4,6 +4,7 @@
 use super::init_source::InitSource;
 use super::profile::Profile;
 use crate::capture::LoadOptions;
+use crate::stand_in::bytes_for_scene;
 use crate::train::{Exposure, Schedule, TrainConfig, inactive};
 use crate::{Error, Result, input_file};
 use serde::{Deserialize, Serialize};
@@ -56,6 +57,9 @@ pub struct RunConfig {
     /// At most this many points become splats; more are thinned at random.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_points: Option<usize>,
+    /// Whether the run's `.ltgs` files begin with a stand-in. With a wanted size, the scene gets the fewer bytes.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub preview: bool,
     /// Which evaluations keep their images.
     pub save_images: SaveImages,
     /// How the capture is read.
@@ -81,6 +85,12 @@ pub enum SaveImages {
 const DERIVED: [(&str, &str); 1] = [("capture.background", "background")];
 
 impl RunConfig {
+    /// Most bytes of the scene in the file of a run with a wanted size, which a stand-in may share.
+    pub fn scene_max_bytes(&self) -> Option<u64> {
+        let scene = |max| if self.preview { bytes_for_scene(max) } else { max };
+        self.train.max_bytes.map(scene)
+    }
+
     /// Reads a file; what it does not say keeps the default.
     ///
     /// # Errors

@@ -19,7 +19,7 @@ use crate::{Report, Result};
 /// [`crate::Error::Usage`] if the size is too small.
 pub fn splat_bytes(capture: &Capture, config: &RunConfig) -> Result<Option<f64>> {
     let bytes = |max_bytes| bytes_for_splats(&file_frame(capture, config), max_bytes);
-    Ok(config.train.max_bytes.map(bytes).transpose()?.map(|bytes| bytes as f64))
+    Ok(config.scene_max_bytes().map(bytes).transpose()?.map(|bytes| bytes as f64))
 }
 
 /// The model before the first step, and what was left out on the way. `splat_bytes` is what the file of a run with a wanted size

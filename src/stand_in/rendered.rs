@@ -1,24 +1,23 @@
 //! Renders of a scene as the photos of a capture.
 
 use crate::Result;
-use crate::backend::RenderedImage;
+use crate::backend::{RenderedImage, TargetImage};
 use crate::bake::camera;
 use crate::camera::Camera;
 use crate::eval::quantised;
-use crate::image::TargetImage;
 use crate::views::{Split, ViewSource};
 use litetex_exporters::AssetCamera;
 use std::sync::Arc;
 
 /// Cameras with renders in place of photos; all are training views.
-pub struct RenderedViews {
-    cameras: Vec<AssetCamera>,
+pub(super) struct RenderedViews<'a> {
+    cameras: &'a [AssetCamera],
     images: Vec<Arc<TargetImage>>,
 }
 
-impl RenderedViews {
+impl<'a> RenderedViews<'a> {
     /// `images` are those of the cameras.
-    pub fn new(cameras: Vec<AssetCamera>, images: &[RenderedImage]) -> Self {
+    pub fn new(cameras: &'a [AssetCamera], images: &[RenderedImage]) -> Self {
         let image = |image: &RenderedImage| {
             Arc::new(TargetImage::opaque(image.width_px, image.height_px, quantised(&image.rgb)))
         };
@@ -26,7 +25,7 @@ impl RenderedViews {
     }
 }
 
-impl ViewSource for RenderedViews {
+impl ViewSource for RenderedViews<'_> {
     fn num_views(&self) -> usize {
         self.cameras.len()
     }

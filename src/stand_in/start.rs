@@ -1,27 +1,30 @@
-//! The splats that a stand-in begins with.
+//! The splats that the training of a stand-in begins with.
 
+use super::arrival::growth;
 use crate::Result;
 use crate::verify::{Backends, Contribution};
 use litetex_exporters::{AssetCamera, SplatAsset, num_sh_coefficients};
 
-/// The splats that contribute most, without textures, grown to cover what the others did.
-pub fn first_splats(scene: &SplatAsset, views: &[AssetCamera], count: usize, sh_degree: u32, backends: &Backends<'_>) -> Result<SplatAsset> {
-    let mut first = scene.untextured();
+/// The `count` splats that contribute most, without textures and with SH of at most this degree, grown to cover what the others did.
+pub(super) fn first_splats(
+    scene: &SplatAsset,
+    views: &[AssetCamera],
+    (count, sh_degree): (usize, u32),
+    backends: &Backends<'_>,
+) -> Result<SplatAsset> {
     let mut backend = (backends.statistics)()?;
     let weights = Contribution::measure(backend.as_mut(), scene, views, backends.go_on)?.weight_px;
-    let mut order: Vec<usize> = (0..first.num_splats()).collect();
+    let mut order: Vec<usize> = (0..scene.num_splats()).collect();
     order.sort_by(|&a, &b| weights[b].total_cmp(&weights[a]).then(a.cmp(&b)));
-    let mut keep = vec![false; first.num_splats()];
-    order.iter().take(count).for_each(|&splat| keep[splat] = true);
+    let mut keep = vec![false; order.len()];
+    order.iter().take(count.max(1)).for_each(|&splat| keep[splat] = true);
+    let mut first = scene.untextured();
     first.retain(&keep);
-    let growth = (scene.num_splats() as f32 / first.num_splats() as f32).powf(super::env("LT_GROW", 0.25) as f32).min(super::env("LT_GMAX", 2.5) as f32);
-    first.scales.iter_mut().flatten().for_each(|scale| *scale *= growth);
-    let width = 3 * num_sh_coefficients(first.sh_degree);
-    let kept = 3 * num_sh_coefficients(sh_degree);
-    for (splat, sh) in first.sh.chunks_exact_mut(width).enumerate() {
-        sh[kept.min(width)..].fill(0.0);
-        first.sh_degrees[splat] = first.sh_degrees[splat].min(sh_degree as u8).max(super::env("LT_MIND", 0.0) as u8);
-    }
+    let growth = growth(first.num_splats(), scene.num_splats());
+    first.scales.as_flattened_mut().iter_mut().for_each(|scale| *scale *= growth);
+    let [width, kept] = [first.sh_degree, sh_degree].map(|degree| 3 * num_sh_coefficients(degree));
+    first.sh.chunks_exact_mut(width).for_each(|sh| sh[kept.min(width)..].fill(0.0));
+    first.sh_degrees.iter_mut().for_each(|degree| *degree = (*degree).min(sh_degree as u8));
     first.fit_sh_degree();
     Ok(first)
 }

@@ -94,7 +94,7 @@ impl<'a> FileRounder<'a> {
 
     /// Measures at these views, at most [`MEASURED_VIEWS`] of them, instead of the file's own.
     #[must_use]
-    pub fn with_views(self, views: &[AssetCamera]) -> Self {
+    pub fn measured_at(self, views: &[AssetCamera]) -> Self {
         Self { views: evenly_spread(views, MEASURED_VIEWS), ..self }
     }
 
@@ -115,8 +115,10 @@ impl<'a> FileRounder<'a> {
     /// Exponents and steps, up to a factor, by which rounding any number costs the same error of images.
     fn measured(&self, asset: &SplatAsset) -> Result<Quantisation> {
         let mut backend = (self.statistics)()?;
-        let (base, exponents) = sensitivities(backend.as_mut(), asset, &self.views, self.go_on)?.rounding(asset);
-        let contributions = Contribution::measure(backend.as_mut(), asset, &self.views, self.go_on)?.weight_px;
+        let (base, exponents) =
+            sensitivities(backend.as_mut(), asset, &self.views, self.go_on)?.rounding(asset);
+        let contributions =
+            Contribution::measure(backend.as_mut(), asset, &self.views, self.go_on)?.weight_px;
         Ok(Quantisation { base, factor_log2: 0.0, exponents, contributions })
     }
 }

@@ -76,8 +76,7 @@ fn encode(format: Format, path: &Path, asset: &SplatAsset, options: &WriteOption
         Format::Glb | Format::Gltf => {
             let WriteOptions { steps, per_splat, stand_in, cameras, .. } = *options;
             let page_side = PAGE_SIDE;
-            let gltf_options =
-                gltf::GltfOptions { quality, page_side, steps, per_splat, stand_in, cameras };
+            let gltf_options = gltf::GltfOptions { quality, page_side, steps, per_splat, stand_in, cameras };
             (encoded.root, encoded.side) = gltf::encode_files(path, asset, &gltf_options)?;
             if options.mesh {
                 add_mesh(&mut encoded, &mesh_path(path), asset)?;

@@ -224,6 +224,22 @@ impl Entry {
     }
 }
 
+/// What a block holds of its chunk.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BlockKind {
+    /// Geometry and SH of degree 0.
+    Geometry,
+    /// The other SH.
+    Sh,
+    /// Texels.
+    Texels,
+}
+
+impl BlockKind {
+    /// In the order of their numbers.
+    pub(super) const ALL: [Self; 3] = [Self::Geometry, Self::Sh, Self::Texels];
+}
+
 /// Chunks and kinds of all blocks in the order of the file: by layer, then by kind, then by chunk. A file that is cut off shows a
 /// coarser scene, and of the layer that is cut the splats before their view-dependent colours, and these before their texels.
 pub fn blocks_in_order(entries: &[Entry]) -> Vec<(usize, usize)> {

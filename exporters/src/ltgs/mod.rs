@@ -50,6 +50,7 @@ mod vectors;
 mod write;
 
 pub use check::validate;
+pub use header::BlockKind;
 pub use orient::oriented;
 pub use plan::PerSplat;
 pub use read::{Reader, decode};

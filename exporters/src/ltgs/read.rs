@@ -1,7 +1,7 @@
 //! The reader: tables first, then a single chunk, or all chunks in parallel.
 
 use super::header::{
-    Block, CHUNK_SPLATS, ENTRY_BYTES, Entry, HEADER_BYTES, Header, MAJOR, MINOR, blocks_in_order,
+    Block, BlockKind, CHUNK_SPLATS, ENTRY_BYTES, Entry, HEADER_BYTES, Header, MAJOR, MINOR, blocks_in_order,
 };
 use super::lossless;
 use super::shape::Shape;
@@ -108,6 +108,14 @@ impl<'a> Reader<'a> {
         let count = self.entries.get(chunk)?.num_splats as usize;
         let first = self.entries[..chunk].iter().map(|e| e.num_splats as usize).sum();
         Some(first..first + count)
+    }
+
+    /// Kind, splats and bytes of each block, in the order of the file.
+    pub fn blocks(&self) -> impl Iterator<Item = (BlockKind, usize, u64)> {
+        blocks_in_order(&self.entries).into_iter().map(|(chunk, kind)| {
+            let entry = &self.entries[chunk];
+            (BlockKind::ALL[kind], entry.num_splats as usize, entry.block(kind).bytes)
+        })
     }
 
     /// Chunks of the file.

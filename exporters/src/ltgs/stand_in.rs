@@ -60,7 +60,8 @@ impl Reader<'_> {
         let invalid = |what: String| Error::invalid(&self.path, format!("stand-in: {what}"));
         let end = usize::try_from(entry.bytes).ok().and_then(|bytes| self.blocks_start().checked_add(bytes));
         let bytes = end.and_then(|end| self.bytes.get(self.blocks_start()..end));
-        let bytes = bytes.ok_or_else(|| invalid(format!("{} bytes, of which some are missing", entry.bytes)))?;
+        let bytes =
+            bytes.ok_or_else(|| invalid(format!("{} bytes, of which some are missing", entry.bytes)))?;
         if hash_from_text(&entry.hash) != Some(XxHash3_64::oneshot(bytes)) {
             return Err(invalid("wrong checksum, damaged".to_owned()));
         }
@@ -72,9 +73,12 @@ impl Reader<'_> {
     /// # Errors
     /// As [`super::decode`].
     pub fn stand_in(&self, limits: &ReadLimits) -> Result<Option<(SplatAsset, StandInSize)>> {
-        let (Some(entry), Some(bytes)) = (&self.meta.stand_in, self.stand_in_file()?) else { return Ok(None) };
+        let (Some(entry), Some(bytes)) = (&self.meta.stand_in, self.stand_in_file()?) else {
+            return Ok(None);
+        };
         let named = |error: Error| error.within("stand-in").at(&self.path);
-        let nested = Reader::open(bytes, Path::new(""), &ReadLimits { layers: None, ..*limits }).map_err(named)?;
+        let nested =
+            Reader::open(bytes, Path::new(""), &ReadLimits { layers: None, ..*limits }).map_err(named)?;
         if nested.meta.stand_in.is_some() {
             return Err(named(invalid!("", "has a stand-in of its own")));
         }

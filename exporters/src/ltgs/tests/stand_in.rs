@@ -98,5 +98,3 @@ fn with_meta(bytes: &[u8], meta: &FileMeta) -> Vec<u8> {
     };
     [&header.encode()[..], &tables, &bytes[entries.end..]].concat()
 }
-
-
