@@ -9,7 +9,7 @@
 use litetex_exporters::gltf::{GltfOptions, write_gltf};
 use litetex_exporters::usd::{UsdOptions, write_usd};
 use litetex_exporters::{
-    AssetCamera, AssetMap, ColourSpace, Filter, Quality, Result, SplatAsset, Transform, atomic_file, ltgs,
+    AssetCamera, AssetMap, ColourSpace, Filter, Provenance, Quality, Result, SplatAsset, Transform, atomic_file, ltgs,
     num_sh_coefficients,
 };
 use std::path::Path;
@@ -23,6 +23,8 @@ const MAP_SIZES: [(u16, u16); 9] =
 const DEGREES: [u32; 5] = [3, 1, 3, 0, 2];
 /// So small that there are several pages.
 const PAGE_SIDE: u16 = 128;
+/// Bytes behind the stand-in of the pack after which it is no longer shown: in the middle of the texels.
+const STAND_IN_UNTIL_BYTES: u64 = 5000;
 
 /// Kinds of splats (`placed`), and the one of opaque splats on top of each other.
 const KINDS: usize = 20;
@@ -227,6 +229,18 @@ fn small() -> SplatAsset {
     asset
 }
 
+/// A stand-in of the scene: every third splat, without textures, SH and cameras.
+fn without_details(scene: &SplatAsset) -> SplatAsset {
+    let mut asset = scene.untextured();
+    asset.retain(&(0..asset.num_splats()).map(|splat| splat % 3 == 0).collect::<Vec<_>>());
+    let width = 3 * num_sh_coefficients(asset.sh_degree);
+    asset.sh.chunks_exact_mut(width).for_each(|sh| sh[3..].fill(0.0));
+    asset.sh_degrees.fill(0);
+    asset.fit_sh_degree();
+    let SplatAsset { near, filter, background, .. } = asset;
+    SplatAsset { cameras: Vec::new(), provenance: Provenance::default(), near, filter, background, ..asset }
+}
+
 /// The pack that authors of viewers begin with.
 fn write_pack(folder: &Path) -> Result<()> {
     let asset = small();
@@ -239,6 +253,10 @@ fn write_pack(folder: &Path) -> Result<()> {
     let path = folder.join("balanced.ltgs");
     let options = ltgs::LtgsOptions { quality: Quality::Balanced, ..ltgs::LtgsOptions::default() };
     atomic_file::write(&path, &ltgs::encode(&asset, &options)?)?;
+    let stand_in = ltgs::encode(&without_details(&asset), &options)?;
+    let stand_in = Some(ltgs::StandIn { file: &stand_in, until_bytes: STAND_IN_UNTIL_BYTES });
+    let path = folder.join("stand-in.ltgs");
+    atomic_file::write(&path, &ltgs::encode(&asset, &ltgs::LtgsOptions { stand_in, ..options })?)?;
     let path = folder.join("coder.json");
     atomic_file::write(&path, ltgs::coder_vectors().as_bytes())?;
     Ok(())

@@ -1,4 +1,4 @@
-import type { SceneInfo, SplatUpdate } from './scene';
+import type { SceneInfo, Splats, SplatUpdate } from './scene';
 import { errorOf, type Source, stored, type StoredSource } from './worker/messages';
 import { startReading, startWorker } from './worker/start';
 
@@ -14,9 +14,12 @@ export interface Opened {
     close(): void;
 }
 
-/** Reads a `.ltgs` or `.glb` file in a worker, layer by layer. `maxSplats`: at most this many, those that contribute most. */
+/**
+ * Reads a `.ltgs` or `.glb` file in a worker, layer by layer. `maxSplats`: at most this many, those that contribute most; `onStandIn` gets
+ * the file's stand-in before any update, if it has one.
+ */
 export function openScene(
-    source: Source, onInfo: (info: SceneInfo) => void, onUpdate: (update: SplatUpdate) => void, maxSplats = Infinity,
+    source: Source, onInfo: (info: SceneInfo) => void, onUpdate: (update: SplatUpdate) => void, maxSplats = Infinity, onStandIn?: (splats: Splats) => void,
 ): Opened {
     let worker: Worker | null = null;
     let from: StoredSource | null = null;
@@ -27,6 +30,7 @@ export function openScene(
         own = worker = startWorker((message) => {
             try {
                 if (message.kind === 'info') onInfo(message.info);
+                if (message.kind === 'standIn') onStandIn?.(message.splats);
                 if (message.kind === 'update') onUpdate(message.update);
             } catch (error) {
                 own?.terminate();

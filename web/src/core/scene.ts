@@ -89,6 +89,8 @@ export interface SceneInfo {
   readonly provenance: Provenance;
   /** Whether the textures are missing: dropped by another program, or of a newer version. Says why. */
   readonly untextured: string | null;
+  /** Bytes of the file with which the scene looks better than its stand-in; null: it has none. */
+  readonly standInUntil: number | null;
   readonly fileBytes: number;
 }
 

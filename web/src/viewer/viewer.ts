@@ -57,6 +57,8 @@ export interface FrameFigures {
 /** Phones have more pixels than anybody sees; each costs dozens of fragments. */
 const MAX_PIXEL_RATIO = 2;
 const TURNING_MS = 350;
+/** Half of the size in which stand-ins are trained is that of scenes they look like. */
+const FAR_RADIUS_PX = 64;
 
 /** A file to read, and how. */
 interface Reading {
@@ -324,6 +326,9 @@ export class Viewer {
                 if (!keepPose || !this.pose) this.pose = message.info.cameras.length ? homePose(message.info, { centre: [0, 0, 0], radius: 1 }) : null;
                 if (!again) this.events.info?.(message.info);
                 break;
+            case 'standIn':
+                this.renderer.setStandIn(message.splats);
+                break;
             case 'update':
                 this.renderer.apply(message.update);
                 this.bounds = null;
@@ -442,12 +447,19 @@ export class Viewer {
             colours: this.colours,
             precision,
             onCanvas: moving && precision === 'fast',
-            ...(share < 1 ? { maxSplats: Math.ceil(share * this.renderer.figures.splats) } : {}),
+            ...(share < 1 && this.renderer.hasStandIn || (moving && this.isFar(view)) ? { standIn: true } : share < 1 ? { maxSplats: Math.ceil(share * this.renderer.figures.splats) } : {}),
             ...(this.background === undefined ? {} : { background: this.background }),
             ...(this.colours === 'depth' ? { depthRange: this.depthRange() } : {}),
         };
         if (this.compose) this.compose(view, options);
         else this.renderer.draw(view, options);
+    }
+
+    /** Whether the bulk of the scene is so small in an image that a stand-in is as good. */
+    private isFar({ focalPx }: View): boolean {
+        const { centre, radius } = this.boundsOfScene();
+        const distance = Math.hypot(...centre.map((c, i) => c - this.pose!.centre[i]));
+        return radius * focalPx[0] < FAR_RADIUS_PX * (distance - radius);
     }
 
     /** Depths between which most of the scene lies: of a sphere around it, or from a part of that if the camera is inside. */

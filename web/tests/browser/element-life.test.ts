@@ -58,7 +58,8 @@ describe.skipIf(!browserPath())('<litetex-viewer>', () => {
     const rest = () => browser.page.waitForTimeout(400);
     /** Waits until element `i`, which someone has moved, glides no longer and is sharp again. */
     async function untilStill(i: number): Promise<void> {
-        for (let [before, now] = [EMPTY, await shown(i)]; farthest(before, now) > 0; [before, now] = [now, await shown(i)]) await browser.page.waitForTimeout(1000);
+        let [before, now]: number[][] = [EMPTY, await shown(i)];
+        for (; farthest(before, now) > 0; [before, now] = [now, await shown(i)]) await browser.page.waitForTimeout(1000);
     }
     /** Whether element `i` has a context, and shows no still image. */
     const isLive = (i: number) => browser.page.evaluate((index) => {

@@ -407,7 +407,7 @@ function middleOf(scene: Scene, how: 'target' | 'canvas'): number[] {
 function infoOf(): SceneInfo {
     return {
         container: 'ltgs', quality: '', splats: 1, texels: 0, shDegree: 0, near: 0.001, filter: 'none', background: [0, 0, 0], colourSpace: 'srgb_rec709_display',
-        worldFromData: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1], captureFromData: null, cameras: [], home: null, bounds: null, untextured: null, fileBytes: 0,
+        worldFromData: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1], captureFromData: null, cameras: [], home: null, bounds: null, untextured: null, standInUntil: null, fileBytes: 0,
         provenance: { title: '', author: '', licence: '', source: '', up: '', programVersion: '', scale: '', training: {} },
     };
 }

@@ -10,6 +10,7 @@ const FILES = {
     lossless: file('web/tests/data/lossless.ltgs'),
     layers: file('web/tests/data/layers.ltgs'),
     equal: file('exporters/tests/corpus/layers.ltgs'),
+    'stand-in': file('samples/conformance/stand-in.ltgs'),
 };
 
 function blocksOf(bytes: Uint8Array): { chunk: number; kind: number; offset: number; end: number }[] {
@@ -102,6 +103,36 @@ describe.each(Object.entries(FILES))('%s.ltgs', (_, bytes) => {
             const { error } = await outcomeOf(changed);
             expect(messageOf(error)).toMatch(/checksum|version|magic/);
         }
+    });
+});
+
+describe('a stand-in', () => {
+    const { balanced, 'stand-in': bytes } = FILES;
+
+    test('comes before the splats of the scene, which are the same without it', async () => {
+        const order: string[] = [];
+        const info = await readScene(bytes, { onStandIn: ({ count }) => order.push(`${count} splats`), onUpdate: () => order.push('update') });
+        expect(order).toEqual(['12 splats', 'update']);
+        const [found, plain] = [await outcomeOf(bytes), await outcomeOf(balanced)];
+        expect(found.splats).toEqual(plain.splats);
+        expect([plain.standIn, plain.info!.standInUntil]).toEqual([null, null]);
+        expect([found.standIn!.count, found.standIn!.texels.length, found.standIn!.sh.length]).toEqual([12, 0, 36]);
+        expect(info.standInUntil).toBe(blocksOf(bytes)[0].offset + 5000);
+    });
+
+    test('is skipped where nobody wants it, and of a beginning that holds no more it is there', async () => {
+        await readScene(bytes, {});
+        const { offset } = blocksOf(bytes)[0];
+        const { standIn, splats, error } = await outcomeOf(bytes.slice(0, offset));
+        expect([standIn?.count, splats, messageOf(error)]).toEqual([12, null, expect.stringMatching(/^invalid: truncated/)]);
+        const cut = await outcomeOf(bytes.slice(0, offset - 1));
+        expect([cut.standIn, messageOf(cut.error)]).toEqual([null, expect.stringMatching(/^invalid: truncated/)]);
+    });
+
+    test('is refused where it is damaged', async () => {
+        const damaged = bytes.slice();
+        damaged[blocksOf(bytes)[0].offset - 1] ^= 1;
+        expect(messageOf((await outcomeOf(damaged)).error)).toMatch(/checksum of the stand-in/);
     });
 });
 

@@ -13,6 +13,7 @@ export interface Outcome {
     splats: Splats | null;
     updates: SplatUpdate[];
     warnings: string[];
+    standIn: Splats | null;
     /** What reading rejected with. */
     error: unknown;
 }
@@ -20,11 +21,12 @@ export interface Outcome {
 /** Reads a scene to the end or to an error. `pieceBytes`: it arrives in pieces of this many bytes. */
 export async function outcomeOf(bytes: Uint8Array, options: ReadOptions = {}, pieceBytes?: number): Promise<Outcome> {
     const scene = new SceneSplats();
-    const outcome: Outcome = { info: null, splats: null, updates: [], warnings: [], error: null };
+    const outcome: Outcome = { info: null, splats: null, updates: [], warnings: [], standIn: null, error: null };
     const source = pieceBytes === undefined ? bytes : streamOf(bytes, pieceBytes);
     await readScene(source, {
         ...options,
         onInfo: (info) => (outcome.info = info),
+        onStandIn: (splats) => (outcome.standIn = splats),
         onUpdate: (update) => {
             if (update.first > (scene.splats?.count ?? 0)) throw new Error(`a gap before splat ${update.first}`);
             scene.apply(update);

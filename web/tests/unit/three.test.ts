@@ -10,7 +10,7 @@ const VIEWPORT = { x: 0, y: 0, width: 640, height: 480 };
 function infoOf(splats: number): SceneInfo {
     return {
         container: 'ltgs', quality: 'lossless', splats, texels: 0, shDegree: 0, near: 0.01, filter: 'none', background: [0, 0, 0], colourSpace: 'srgb_rec709_display',
-        worldFromData: new Matrix4().elements, captureFromData: null, cameras: [], home: null, bounds: null, untextured: null, fileBytes: 0,
+        worldFromData: new Matrix4().elements, captureFromData: null, cameras: [], home: null, bounds: null, untextured: null, standInUntil: null, fileBytes: 0,
         provenance: { title: '', author: '', licence: '', source: '', up: '', programVersion: '', scale: '', training: {} },
     };
 }

@@ -1,9 +1,11 @@
-import type { SceneInfo, SplatUpdate } from '../scene';
+import type { SceneInfo, Splats, SplatUpdate } from '../scene';
 
 /** How to read a scene. */
 export interface ReadOptions {
     /** Called once, before any update. */
     readonly onInfo?: (info: SceneInfo) => void;
+    /** Called before any update with the stand-in of a file that has one: a small scene that looks like the whole. Without it, it is skipped. */
+    readonly onStandIn?: (splats: Splats) => void;
     /** Called as splats arrive. Arrays must stay as they are until reading has ended. */
     readonly onUpdate?: (update: SplatUpdate) => void;
     /** Called with a text about a file that is shown, but is not as it should be. */

@@ -5,6 +5,7 @@
 
 import { Atlas } from './atlas';
 import type { Batches } from './batch';
+import type { SplatBuffers } from './buffers';
 import { ATLAS_COLUMNS } from './layout';
 import { bakeProgram, type Program, quadProgram, recordProgram, RECORDS_PER_ROW } from './program';
 import { type Frame, setProjection, variantOf } from './projection';
@@ -20,10 +21,12 @@ export class FastPath {
     /** Given more rows in place: others may have bound them. */
     private readonly records: Readonly<Record<typeof PARTS[number], WebGLTexture>>;
     private rows = 0;
+    /** Of the scene, and of its stand-in. */
+    private readonly atlases = new Map<SplatBuffers, Atlas>();
     private atlas: Atlas | null = null;
     /** What the records are of. */
     private recorded = '';
-    private scene: Frame['buffers'] | null = null;
+    private scene: SplatBuffers | null = null;
 
     constructor(private readonly gl: WebGL2RenderingContext, private readonly batches: Batches) {
         this.record = recordProgram(gl);
@@ -38,7 +41,7 @@ export class FastPath {
     }
 
     get bytes(): number {
-        return (this.atlas?.bytes ?? 0) + 16 * PARTS.length * RECORDS_PER_ROW * this.rows;
+        return [...this.atlases.values()].reduce((sum, atlas) => sum + atlas.bytes, 0) + 16 * PARTS.length * RECORDS_PER_ROW * this.rows;
     }
 
     /** Whether `prepare` has nothing to do for an image. */
@@ -50,14 +53,19 @@ export class FastPath {
     prepare(frame: Frame): void {
         if (this.has(frame)) return;
         const { buffers, info } = frame;
-        if (this.scene !== buffers) {
-            this.atlas?.dispose();
-            this.atlas = new Atlas(this.gl, info, buffers, this.batches, this.bake);
-            this.scene = buffers;
-        }
-        this.atlas!.update();
+        this.scene = buffers;
+        this.atlas = this.atlases.get(buffers) ?? new Atlas(this.gl, info, buffers, this.batches, this.bake);
+        this.atlases.set(buffers, this.atlas);
+        this.atlas.update();
         this.recorded = keyOf(frame);
         this.project(frame);
+    }
+
+    /** Drops what was made of splats that go. */
+    forget(buffers: SplatBuffers): void {
+        this.atlases.get(buffers)?.dispose();
+        this.atlases.delete(buffers);
+        if (this.scene === buffers) this.scene = this.atlas = null;
     }
 
     /** What `prepare` made, by the names of the quads' samplers. */
@@ -93,7 +101,7 @@ export class FastPath {
 
     dispose(): void {
         Object.values(this.records).forEach((texture) => this.gl.deleteTexture(texture));
-        this.atlas?.dispose();
+        this.atlases.forEach((atlas) => atlas.dispose());
         this.gl.deleteFramebuffer(this.framebuffer);
         this.record.dispose();
         this.bake.dispose();

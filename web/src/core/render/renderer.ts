@@ -1,6 +1,6 @@
 /** Draws a scene with WebGL2, into a target of 16 bits and from there onto the canvas. */
 
-import type { SceneInfo, SplatUpdate } from '../scene';
+import type { SceneInfo, Splats, SplatUpdate } from '../scene';
 import { Batches } from './batch';
 import { SplatBuffers, type Storage } from './buffers';
 import type { Colours } from './colours';
@@ -11,6 +11,7 @@ import { Order } from './order';
 import { Pool } from './pool';
 import { type Program, resolveProgram } from './program';
 import type { Frame } from './projection';
+import { StandIn } from './stand-in';
 import { bestTarget, Target, type TargetFormat } from './targets';
 import type { View } from './view';
 
@@ -41,6 +42,8 @@ export interface DrawOptions {
     onCanvas?: boolean;
     /** Draws at most this many splats, the first ones, which contribute most; they are grown to cover what is missing. */
     maxSplats?: number;
+    /** Draws the stand-in of the scene, if it has one: from afar, and on weak devices. Until the scene looks better, it is drawn anyhow. */
+    standIn?: boolean;
     colours?: Colours;
     /** Behind the splats, in the colour space of the scene; null: transparent. Default: that of the scene. */
     background?: readonly [number, number, number] | null;
@@ -71,6 +74,10 @@ export class SplatRenderer {
     private target: Target | null = null;
     private drawn = 0;
     private orderVersion = 0;
+    private standIn: StandIn | null = null;
+    /** So much of the scene has arrived, and so much of it is sorted, that it looks better than the stand-in. */
+    private isBetter = false;
+    private looksBetter = false;
     /** Of the scene before the context was lost. */
     private before = { splats: 0, texels: 0, bytes: 0, sortMs: 0 };
     private readonly loss: Loss;
@@ -106,18 +113,36 @@ export class SplatRenderer {
     start(info: SceneInfo): void {
         this.info = info;
         if (!this.tools) return;
+        if (this.buffers) this.tools.fast.forget(this.buffers);
         this.buffers?.dispose();
         this.ordered?.dispose();
         this.buffers = new SplatBuffers(this.gl, info, this.options.storage ?? 'half', this.options.maxSplats);
         this.ordered = new Pool(this.gl, 'r32ui', this.buffers.capacity);
         this.drawn = 0;
+        this.dropStandIn();
+        this.isBetter = this.looksBetter = info.standInUntil === null;
         this.tools.order.setPositions(0, new Float32Array(0));
+    }
+
+    /** Takes the stand-in of the scene. */
+    setStandIn(splats: Splats): void {
+        if (!this.tools || !this.info || splats.count > (this.options.maxSplats ?? Infinity)) return;
+        this.dropStandIn();
+        this.standIn = new StandIn(this.gl, this.info, splats, this.options.storage ?? 'half');
+    }
+
+    /** Whether the scene has a stand-in. */
+    get hasStandIn(): boolean {
+        return this.standIn !== null;
     }
 
     /** Takes splats as they arrive. Those of before are drawn until the next order is there. */
     apply(update: SplatUpdate): void {
         if (!this.tools) return;
         const kept = this.buffers!.apply(update);
+        // Where fewer splats are wanted, the file ends before.
+        const isAll = update.complete && this.buffers!.count === this.buffers!.capacity;
+        this.isBetter ||= isAll || update.bytes >= this.info!.standInUntil!;
         this.tools.order.setPositions(update.first, update.splats.positions.subarray(0, 3 * kept));
     }
 
@@ -130,7 +155,7 @@ export class SplatRenderer {
     get figures(): { splats: number; texels: number; bytes: number; sortMs: number } {
         const { tools, buffers } = this;
         if (!tools || !buffers) return this.before;
-        return { splats: buffers.count, texels: buffers.numTexels, bytes: buffers.bytes + this.ordered!.bytes + tools.fast.bytes, sortMs: tools.order.lastMs };
+        return { splats: buffers.count, texels: buffers.numTexels, bytes: buffers.bytes + this.ordered!.bytes + tools.fast.bytes + (this.standIn?.bytes ?? 0), sortMs: tools.order.lastMs };
     }
 
     /** Asks for the splats' order in a view, and waits until it is there. */
@@ -145,11 +170,11 @@ export class SplatRenderer {
         if (!info || !buffers || !tools || gl.isContextLost()) return;
         tools.order.request(view);
         const frame: Frame = {
-            view, info, buffers, order: this.ordered!, drawn: this.drawn, orderVersion: this.orderVersion,
-            colours: options.colours ?? 'trained', budget: options.maxSplats ?? Infinity, depthRange: options.depthRange ?? [info.near, 1000 * info.near],
+            view, info, ...this.shown(view, buffers, options),
+            colours: options.colours ?? 'trained', depthRange: options.depthRange ?? [info.near, 1000 * info.near],
         };
         // Before the first order there is nothing to make records of.
-        const path = options.precision === 'fast' && this.drawn > 0 ? tools.fast : tools.exact;
+        const path = options.precision === 'fast' && frame.drawn > 0 ? tools.fast : tools.exact;
         if (path === tools.fast) tools.fast.prepare(frame);
         const onCanvas = options.onCanvas && info.colourSpace !== 'lin_rec709_display';
         const target = onCanvas ? null : this.targetOf(view, tools.format);
@@ -176,6 +201,7 @@ export class SplatRenderer {
         this.loss.dispose();
         this.buffers?.dispose();
         this.ordered?.dispose();
+        this.standIn?.dispose();
         this.target?.dispose();
         if (this.tools) {
             const { order, batches, exact, fast, resolve } = this.tools;
@@ -203,13 +229,28 @@ export class SplatRenderer {
         this.options.onLost?.();
         this.before = { ...this.figures, bytes: 0 };
         this.tools.order.dispose();
-        this.tools = this.buffers = this.ordered = this.target = null;
+        this.tools = this.buffers = this.ordered = this.target = this.standIn = null;
         this.drawn = 0;
+    }
+
+    /** The splats of an image, in the order of its view. */
+    private shown(view: View, buffers: SplatBuffers, { standIn, maxSplats = Infinity }: DrawOptions): Pick<Frame, 'buffers' | 'order' | 'drawn' | 'orderVersion' | 'budget'> {
+        const { ordered, drawn, orderVersion, standIn: other } = this;
+        if (!other || (this.looksBetter && !standIn)) return { buffers, order: ordered!, drawn, orderVersion, budget: maxSplats };
+        other.sort(view);
+        return { buffers: other.buffers, order: other.order, drawn: other.buffers.count, orderVersion: other.orderVersion, budget: Infinity };
+    }
+
+    private dropStandIn(): void {
+        if (this.standIn) this.tools?.fast.forget(this.standIn.buffers);
+        this.standIn?.dispose();
+        this.standIn = null;
     }
 
     private setOrder(order: Uint32Array): void {
         this.ordered?.write(0, order);
         this.drawn = order.length;
+        this.looksBetter ||= this.isBetter;
         this.orderVersion++;
         this.options.onOrder?.();
     }

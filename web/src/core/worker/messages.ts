@@ -1,5 +1,5 @@
 import type { SortView } from '../render/sort';
-import { SceneError, type SceneInfo, type SplatUpdate } from '../scene';
+import { SceneError, type SceneInfo, type Splats, type SplatUpdate } from '../scene';
 
 /** What a file is read from: an address, or its bytes, which are copied. */
 export type Source = { readonly url: string } | { readonly bytes: ArrayBuffer | Uint8Array } | KeptFile;
@@ -41,6 +41,7 @@ export type ToWorker =
 export type FromWorker =
     | { kind: 'order'; order: Uint32Array; generation: number; ms: number }
     | { kind: 'info'; info: SceneInfo }
+    | { kind: 'standIn'; splats: Splats }
     | { kind: 'update'; update: SplatUpdate }
     | { kind: 'done'; kept: KeptFile }
     | Failed;

@@ -13,6 +13,7 @@ export async function readFrom(
             maxSplats,
             ...(fileBytes === undefined ? {} : { fileBytes }),
             onInfo: (info) => post({ kind: 'info', info }),
+            onStandIn: (splats) => post({ kind: 'standIn', splats: owned(splats) }),
             onUpdate: (update) => post({ kind: 'update', update: { ...update, splats: owned(update.splats) } }),
         });
         post({ kind: 'done', kept: kept() });

@@ -96,7 +96,7 @@ async function readArrays(
     if (ours) splats = await withMaps(document, bin, ours, withOwnSh(document, bin, ours, splats, degree), checkTexels);
     checkSplats(splats);
     const info: SceneInfo = {
-        container: 'gltf', quality, splats: count, texels: splats.texels.length / 3, shDegree: degree, ...meta, untextured, fileBytes,
+        container: 'gltf', quality, splats: count, texels: splats.texels.length / 3, shDegree: degree, ...meta, untextured, standInUntil: null, fileBytes,
     };
     onInfo?.(info);
     onUpdate?.({ first: 0, splats: firstOf(splats, maxSplats), bytes: source.taken, complete: true });

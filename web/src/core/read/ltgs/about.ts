@@ -1,6 +1,6 @@
 import type { SceneInfo } from '../../scene';
 import { check } from '../errors';
-import { choiceOf, parseJson, textOf } from '../json';
+import { choiceOf, objectOf, parseJson, textOf, wholeOf } from '../json';
 import { readMeta } from '../meta';
 import { unpacked } from '../zstd';
 import words from '../../../../../exporters/schema/ltgs-words.txt?raw';
@@ -16,6 +16,14 @@ export interface About {
     /** Hash of the content. */
     readonly hash: string;
     readonly decoder: ChunkDecoder;
+    readonly standIn: StandInEntry | null;
+}
+
+/** A stand-in right behind the tables; with `until` bytes behind it, the scene itself looks better. */
+export interface StandInEntry {
+    readonly bytes: number;
+    readonly hash: string;
+    readonly until: number;
 }
 
 /** Checks a hash as a file states it: 16 hexadecimal digits. */
@@ -25,6 +33,11 @@ export function hashOf(value: unknown): string {
     return hash;
 }
 
+function standInOf(value: unknown): StandInEntry {
+    const { bytes, hash, until } = objectOf(value, 'standIn');
+    return { bytes: wholeOf(bytes, 'standIn.bytes'), hash: hashOf(hash), until: wholeOf(until, 'standIn.until') };
+}
+
 export function readAbout(coded: Uint8Array, header: Header): About {
     const { quality, isLossless, splats, texels, shDegree, metaTextBytes, fileBytes } = header;
     const about = parseJson(unpacked(coded, metaTextBytes, new TextEncoder().encode(words)), 'metadata');
@@ -32,9 +45,10 @@ export function readAbout(coded: Uint8Array, header: Header): About {
     choiceOf(about.order, 'order', [isLossless ? 'given' : 'morton']);
     return {
         info: {
-            container: 'ltgs', quality, splats, texels, shDegree, ...readMeta(about.meta), untextured: null, fileBytes,
+            container: 'ltgs', quality, splats, texels, shDegree, ...readMeta(about.meta), untextured: null, standInUntil: null, fileBytes,
         },
         hash: hashOf(about.hash),
+        standIn: about.standIn === undefined ? null : standInOf(about.standIn),
         decoder: isLossless ? lossless(shDegree) : lossy(shDegree, readQuantiser(about.quantiser)),
     };
 }

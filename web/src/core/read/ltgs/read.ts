@@ -3,8 +3,9 @@ import { check } from '../errors';
 import { contentHash } from '../hash';
 import { checkMemory } from '../limits';
 import type { ReadOptions } from '../options';
-import type { Source } from '../source';
-import { readAbout } from './about';
+import { openSource, type Source } from '../source';
+import { SceneSplats } from '../splats';
+import { readAbout, type StandInEntry } from './about';
 import type { ChunkDecoder } from './chunk';
 import { ENTRY_BYTES, type Entry, HEADER_BYTES, type Header, checkHash, layersOf, readEntries, readHeader } from './header';
 import { type Arriving, Layer } from './layer';
@@ -28,8 +29,14 @@ export async function readLtgs(
     checkHash(tables, header.tablesHash, 'metadata and table of contents');
     const entries = readEntries(tables.subarray(header.metaBytes), header);
     const about = readAbout(tables.subarray(0, header.metaBytes), header);
-    const info = adapt(about.info, about.hash);
+    const { standIn } = about;
+    const standInEnd = source.taken - start + (standIn?.bytes ?? 0);
+    const blocksStart = entries[0]?.blocks[0].offset ?? header.fileBytes;
+    check(blocksStart >= standInEnd, 'place of the first block', blocksStart, `at least ${standInEnd}`);
+    const standInUntil = standIn && start + standInEnd + standIn.until;
+    const info = adapt({ ...about.info, standInUntil }, about.hash);
     options.onInfo?.(info);
+    if (standIn && options.onStandIn) options.onStandIn(await readStandIn(source, standIn));
 
     const { maxSplats = Infinity, fileBytes = Infinity } = options;
     const wanted = firstEntries(entries, maxSplats);
@@ -45,6 +52,17 @@ export async function readLtgs(
         check(hash === about.hash, 'hash of the content', hash, about.hash);
     }
     return info;
+}
+
+/** Reads a stand-in, which is a file of its own. */
+async function readStandIn(source: Source, { bytes, hash }: StandInEntry): Promise<Splats> {
+    const file = await source.take(bytes);
+    checkHash(file, hash, 'the stand-in');
+    const splats = new SceneSplats();
+    const info = await readLtgs(openSource(file, undefined).source, { onUpdate: (update) => splats.apply(update) }, bytes);
+    check(info.standInUntil === null, 'stand-in of the stand-in', 'one', 'none');
+    check(splats.splats !== null, 'splats of the stand-in', 0, 'at least 1');
+    return splats.splats!;
 }
 
 /** The chunks that hold the first splats. */
