@@ -2,11 +2,17 @@
 
 import { COLOURS, type Colours } from '../core/render/colours';
 import type { Precision } from '../viewer/pace';
+import type { ViewerAttributes } from './markup';
 
 /** What has attributes: an element, or the address of a page. */
 export type Attributes = Pick<Element, 'getAttribute'>;
 
-export const ATTRIBUTES = ['src', 'alt', 'camera-controls', 'controls-mode', 'disable-zoom', 'auto-rotate', 'rotation-per-second', 'view', 'background', 'colours', 'max-splats', 'precision', 'keep-near', 'loading'];
+export const ATTRIBUTES: readonly (keyof ViewerAttributes)[] = ['src', 'alt', 'camera-controls', 'controls-mode', 'disable-zoom', 'auto-rotate', 'rotation-per-second', 'view', 'background', 'colours', 'max-splats', 'precision', 'keep-near', 'loading'];
+
+/** Whether an attribute is there that is on or off. Many frameworks write "false" for off. */
+export function isOn(element: Attributes, name: string): boolean {
+    return (element.getAttribute(name) ?? 'false') !== 'false';
+}
 
 export function maxSplatsOf(element: Attributes): number {
     const most = Math.floor(Number(element.getAttribute('max-splats')));

@@ -18,6 +18,8 @@
  * | `precision` | `auto` (default): fast while the camera moves, exact at rest where an image takes less than 100 ms; `exact` or `fast`: always |
  * | `loading` | `eager` (default) or `lazy`: once it is visible |
  *
+ * Attributes that are on or off are off with the value `false`, too, which frameworks write. Types of all: markup.ts.
+ *
  * Events: `load`; `progress` (a ProgressEvent: `loaded` and `total` bytes); `error` (an ErrorEvent: `message`, `error`); `camera-change`.
  * Slots: `poster`, shown until there is an image; the default slot lies over the scene.
  *
@@ -30,7 +32,7 @@ import type { SceneInfo } from '../core/scene';
 import { type Source, stored } from '../core/worker/messages';
 import { reducedMotion } from '../viewer/motion';
 import { type FrameFigures, Viewer } from '../viewer/viewer';
-import { ATTRIBUTES, backgroundOf, coloursOf, maxSplatsOf, precisionOf, reachOf, rotationOf } from './attributes';
+import { ATTRIBUTES, backgroundOf, coloursOf, isOn, maxSplatsOf, precisionOf, reachOf, rotationOf } from './attributes';
 import { join, leave, settle, use } from './contexts';
 import { Parts } from './parts';
 
@@ -107,8 +109,10 @@ export class LitetexViewerElement extends Base {
         return this.getAttribute('src') ?? '';
     }
 
-    set src(address: string) {
-        this.setAttribute('src', address);
+    /** Without an address nothing is shown: so React takes `src` away. */
+    set src(address: string | null | undefined) {
+        if (address == null) this.removeAttribute('src');
+        else this.setAttribute('src', address);
     }
 
     /** Takes exactly the view of a camera of the file. Returns whether there is one of this name. */
@@ -270,16 +274,16 @@ export class LitetexViewerElement extends Base {
     private readonly turn = (): void => {
         const { viewer } = this;
         if (!viewer) return;
-        const turns = this.hasAttribute('auto-rotate') && !this.isHeld && this.isVisible && !reducedMotion?.matches;
+        const turns = isOn(this, 'auto-rotate') && !this.isHeld && this.isVisible && !reducedMotion?.matches;
         viewer.autoRotate = turns ? rotationOf(this) : 0;
         viewer.invalidate();
     };
 
     private update(): void {
         const viewer = this.viewer!;
-        const controls = this.hasAttribute('camera-controls');
+        const controls = isOn(this, 'camera-controls');
         viewer.controls.enabled = controls;
-        viewer.controls.zoom = !this.hasAttribute('disable-zoom');
+        viewer.controls.zoom = !isOn(this, 'disable-zoom');
         viewer.controls.mode = this.getAttribute('controls-mode') === 'fly' ? 'fly' : 'orbit';
         this.parts.canvas.tabIndex = controls ? 0 : -1;
         this.parts.canvas.style.touchAction = controls ? 'none' : 'auto';
@@ -287,7 +291,7 @@ export class LitetexViewerElement extends Base {
         viewer.colours = coloursOf(this);
         viewer.background = backgroundOf(this);
         viewer.precision = precisionOf(this);
-        viewer.reach = reachOf(this);
+        viewer.reach = isOn(this, 'keep-near') ? reachOf(this) : Infinity;
         this.turn();
     }
 

@@ -88,10 +88,23 @@ describe.skipIf(!browserPath())('<litetex-viewer>', () => {
         expect(await counted({ 'camera-controls': '' })).toBeGreaterThan(3);
         await browser.page.evaluate(() => document.body.replaceChildren());
         expect(await counted({})).toBe(0);
+        await browser.page.evaluate(() => document.body.replaceChildren());
+        expect(await counted({ 'camera-controls': 'false' })).toBe(0);
     });
 
     test('turns by itself', async () => {
-        expect(await show({ src: FILE, 'auto-rotate': '' }, 'load', 'let moves = 0; element.addEventListener("camera-change", () => moves++); await new Promise((r) => setTimeout(r, 400)); return moves > 1')).toBe(true);
+        const turns = (value: string) => show({ src: FILE, 'auto-rotate': value }, 'load', 'let moves = 0; element.addEventListener("camera-change", () => moves++); await new Promise((r) => setTimeout(r, 400)); return moves > 1');
+        expect(await turns('')).toBe(true);
+        expect(await turns('false')).toBe(false);
+    });
+
+    test('shows nothing once its address is taken away', async () => {
+        const take = (what: string) => show<string>({ src: FILE }, 'load', `
+            const { splats } = element.info;
+            element.src = ${what};
+            await new Promise((resolve) => setTimeout(resolve, 300));
+            return [splats, element.hasAttribute('src'), element.info, await element.toBlob().catch((error) => error.message)].join()`);
+        for (const nothing of ['undefined', 'null', "''"]) expect(await take(nothing)).toBe(`36,${nothing === "''"},,nothing is shown yet`);
     });
 
     test('can be removed, put back, and added many times', async () => {
