@@ -9,6 +9,9 @@ const BROWSERS = ['chromium', 'chromium-browser', 'google-chrome'].flatMap((name
 export const FLAGS = ['--no-sandbox', '--disable-quic', '--no-first-run', '--disable-background-networking', '--disable-component-update',
     '--disable-sync', '--use-angle=swiftshader', '--enable-unsafe-swiftshader'];
 
+/** WebGPU on the software driver, too; nothing of it is ever shown on a canvas. */
+export const WEBGPU_FLAGS = ['--enable-unsafe-webgpu', '--use-webgpu-adapter=swiftshader', '--use-vulkan=swiftshader', '--enable-features=Vulkan,WebGPU'];
+
 export const WEB = fileURLToPath(new URL('../..', import.meta.url));
 
 /** The browser's program, or null: then the tests are skipped, unless LITETEX_REQUIRE_BROWSER is set. */
@@ -24,14 +27,14 @@ export class BrowserTest {
     private constructor(readonly browser: Browser, readonly server: ViteDevServer, readonly page: Page, readonly url: string) {}
 
     /** Opens a page of `tests/browser`, where `init` runs first; files of `folders` can be fetched by their absolute paths as `/@fs/PATH`. */
-    static async open(path: string, folders: readonly string[] = [], init: () => void = () => {}): Promise<BrowserTest> {
+    static async open(path: string, folders: readonly string[] = [], init: () => void = () => {}, flags: readonly string[] = []): Promise<BrowserTest> {
         const server = await createServer({
             root: WEB, configFile: false, logLevel: 'error', server: { port: 0, host: '127.0.0.1', fs: { allow: [WEB, ...folders] }, hmr: false, watch: null },
             optimizeDeps: { noDiscovery: true },
         });
         await server.listen();
         const url = server.resolvedUrls!.local[0];
-        const browser = await chromium.launch({ executablePath: browserPath()!, headless: true, args: FLAGS });
+        const browser = await chromium.launch({ executablePath: browserPath()!, headless: true, args: [...FLAGS, ...flags] });
         const page = await browser.newPage();
         const test = new BrowserTest(browser, server, page, url);
         page.on('console', (message) => { if (message.type() === 'error') test.errors.push(message.text()); });
