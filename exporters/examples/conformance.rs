@@ -9,8 +9,8 @@
 use litetex_exporters::gltf::{GltfOptions, write_gltf};
 use litetex_exporters::usd::{UsdOptions, write_usd};
 use litetex_exporters::{
-    AssetCamera, AssetMap, ColourSpace, Filter, Provenance, Quality, Result, SplatAsset, Transform, atomic_file, ltgs,
-    num_sh_coefficients,
+    AssetCamera, AssetMap, ColourSpace, Filter, Provenance, Quality, Result, SplatAsset, Transform,
+    atomic_file, ltgs, num_sh_coefficients,
 };
 use std::path::Path;
 

@@ -221,3 +221,21 @@ fn mean_psnr(found: &[RenderedImage], expected: &[RenderedImage]) -> f64 {
     let each = found.iter().zip(expected).map(|(found, expected)| Difference::of("", found, expected).psnr());
     each.sum::<f64>() / found.len().max(1) as f64
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stand_in_and_its_entry_fit_into_what_is_taken_from_the_scene() {
+        assert_eq!([0, 99_999].map(bytes_for_scene), [0, 99_999]);
+        assert_eq!(bytes_for_scene(120_000), 110_000 - ENTRY_BYTES);
+        // Whatever the scene takes of its bytes, the stand-in that is made for it fits the rest.
+        for file_bytes in [100_000_u64, 123_457, 5_000_000] {
+            let scene = bytes_for_scene(file_bytes);
+            let made = most_bytes(scene + scene / (FILE_SHARE - 1));
+            assert!(scene + made + ENTRY_BYTES <= file_bytes, "{file_bytes}");
+            assert!(made > file_bytes / (FILE_SHARE + 1) || made == BYTES_MAX, "{file_bytes}: {made}");
+        }
+    }
+}
