@@ -28,6 +28,15 @@ if [ ! -x "$cache/venv/bin/python" ]; then
 fi
 python=$cache/venv/bin/python
 export PYTHONDONTWRITEBYTECODE=1
+(
+    cd web
+    if ! cmp -s package-lock.json node_modules/.installed; then
+        npm ci --no-audit --no-fund --ignore-scripts --loglevel=error
+        cp package-lock.json node_modules/.installed
+    fi
+    npm run --silent build
+)
+export LITETEX_WEB=$PWD/web/dist
 
 files=$out/files
 export_to() { "$binary" -q export "$run" --no-verify --force "$@" >/dev/null; }

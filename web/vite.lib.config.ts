@@ -8,9 +8,9 @@ export default defineConfig({
         target: 'es2022',
         outDir: 'dist',
         lib: {
-            entry: { core: 'src/core/index.ts', read: 'src/core/read/index.ts', three: 'src/three/index.ts', element: 'src/element/index.ts' },
+            entry: { core: 'src/core/index.ts', read: 'src/core/read/index.ts', three: 'src/three/index.ts', playcanvas: 'src/playcanvas/index.ts', element: 'src/element/index.ts' },
             formats: ['es'],
         },
-        rolldownOptions: { external: [/^three($|\/)/], output: { minify: true } },
+        rolldownOptions: { external: [/^(three|playcanvas)($|\/)/], output: { minify: true } },
     },
 });

@@ -38,6 +38,8 @@ ROWS = [
     ("playcanvas", "PlayCanvas 2.23", "balanced.mesh.glb", {"loader": "gltf"}, ""),
     ("playcanvas", "PlayCanvas 2.23", "y.ply", {"loader": "ply"}, "`--up playcanvas`"),
     ("playcanvas", "PlayCanvas 2.23", "scene.ply", {"loader": "ply", "turn": True}, "turned by 180° about x"),
+    ("playcanvas", "PlayCanvas 2.23", "balanced.glb", {"loader": "litetex"}, "with `litetex/playcanvas`"),
+    ("playcanvas", "PlayCanvas 2.23", "tiny.glb", {"loader": "litetex"}, "with `litetex/playcanvas`"),
 ]
 # The file whose images are ours, where a row's own cannot be rendered or shows less.
 SAME_SCENE = {"y.ply": "scene.ply", "balanced.mesh.glb": "balanced.glb", "unsorted.mesh.glb": "balanced.glb", "mesh.usdz": "scene.usdz"}

@@ -1,6 +1,28 @@
-// The engine of PlayCanvas, on WebGL. Option `turn`: half a turn of the loaded splats about x.
+// The engine of PlayCanvas, on WebGL. Options: `loader` (gltf, ply, or litetex: our own package, built into the folder LITETEX_WEB), `turn`:
+// half a turn of the loaded splats about x.
 import * as pc from 'playcanvas';
 import { frames, pixels, projection, turned } from '/png.mjs';
+
+async function load(app, { url, options: { loader } }) {
+    if (loader === 'litetex') {
+        const { loadSplats } = await import('/litetex/playcanvas.js');
+        const splats = await loadSplats(app, url);
+        await splats.loaded;
+        return splats.entity;
+    }
+    const kind = loader === 'gltf' ? 'container' : 'gsplat';
+    const asset = new pc.Asset('scene', kind, { url });
+    await new Promise((resolve, reject) => {
+        asset.on('load', resolve);
+        asset.on('error', (error) => reject(new Error(String(error))));
+        app.assets.add(asset);
+        app.assets.load(asset);
+    });
+    if (kind === 'container') return asset.resource.instantiateRenderEntity();
+    const entity = new pc.Entity('splats');
+    entity.addComponent('gsplat', { asset });
+    return entity;
+}
 
 export async function render(job) {
     const { width, height, worldFromCamera } = job.camera;
@@ -11,21 +33,7 @@ export async function render(job) {
     app.setCanvasFillMode(pc.FILLMODE_NONE, width, height);
     app.setCanvasResolution(pc.RESOLUTION_FIXED, width, height);
     app.start();
-    const kind = job.options.loader === 'gltf' ? 'container' : 'gsplat';
-    const asset = new pc.Asset('scene', kind, { url: job.url });
-    await new Promise((resolve, reject) => {
-        asset.on('load', resolve);
-        asset.on('error', (error) => reject(new Error(String(error))));
-        app.assets.add(asset);
-        app.assets.load(asset);
-    });
-    let entity;
-    if (kind === 'container') {
-        entity = asset.resource.instantiateRenderEntity();
-    } else {
-        entity = new pc.Entity('splats');
-        entity.addComponent('gsplat', { asset });
-    }
+    const entity = await load(app, job);
     if (job.options.turn) entity.setLocalEulerAngles(180, 0, 0);
     app.root.addChild(entity);
     const camera = new pc.Entity('camera');

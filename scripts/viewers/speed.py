@@ -25,6 +25,7 @@ PROGRAMS = [
     ("litetex", "fast on the canvas, untextured", ".ltgs", {**FAST, "onCanvas": True, "colours": "untextured"}),
     ("spark", "Spark 2.2.0, untextured", ".spz", {}),
     ("playcanvas", "PlayCanvas 2.23, untextured", ".y.ply", {"loader": "ply"}),
+    ("playcanvas", "PlayCanvas 2.23 with `litetex/playcanvas`, textured", ".ltgs", {"loader": "litetex"}),
 ]
 
 

@@ -3,7 +3,7 @@
 import { Group, LoaderUtils, type Object3D } from 'three';
 import type { GLTFLoaderPlugin, GLTFParser } from 'three/addons/loaders/GLTFLoader.js';
 import { EXTENSION, KHR } from '../core/read/gltf/names';
-import type { SplatsOptions } from './data';
+import type { SplatsOptions } from '../guest/data';
 import { loadSplats } from './loader';
 import { packGlb, type Root } from './pack-glb';
 import type { LitetexSplats } from './splats';

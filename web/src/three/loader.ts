@@ -1,11 +1,11 @@
 /** Loads files as objects of three.js. */
 
 import { Loader, type LoadingManager, Matrix4 } from 'three';
-import { openScene } from '../core/open';
 import type { SplatUpdate } from '../core/scene';
 import { fetchFile } from '../core/worker/fetch-file';
 import type { Source } from '../core/worker/messages';
-import type { SplatsOptions } from './data';
+import type { SplatsOptions } from '../guest/data';
+import { readInto } from '../guest/load';
 import { LitetexSplats } from './splats';
 
 /**
@@ -86,23 +86,7 @@ function placed(splats: LitetexSplats): LitetexSplats {
     return splats;
 }
 
-/**
- * Reads a file as an object in the frame of the data. `onUpdate` is called after each part, and says whether
- * the object is still ours: to be disposed of if the rest cannot be read.
- */
-export function loadSplats(source: Source, options: SplatsOptions, onUpdate: (splats: LitetexSplats, update: SplatUpdate) => boolean = () => true): Promise<LitetexSplats> {
-    let splats: LitetexSplats | null = null;
-    let isOurs = true;
-    const take = (update: SplatUpdate) => {
-        splats!.apply(update);
-        isOurs = onUpdate(splats!, update);
-    };
-    const reading = openScene(source, (info) => {
-        splats = new LitetexSplats(info, options);
-        splats.loaded = reading;
-    }, take, options.maxSplats).done;
-    return reading.then(() => splats!, (error: unknown) => {
-        if (isOurs) splats?.dispose();
-        throw error;
-    });
+/** Reads a file as an object in the frame of the data; see `readInto`. */
+export function loadSplats(source: Source, options: SplatsOptions, onUpdate?: (splats: LitetexSplats, update: SplatUpdate) => boolean): Promise<LitetexSplats> {
+    return readInto(source, (info) => new LitetexSplats(info, options), options.maxSplats, onUpdate);
 }

@@ -7,8 +7,8 @@ import type { Pool } from '../core/render/pool';
 import { QUAD_SHADERS, SPLAT_SHADERS } from '../core/render/program';
 import { ALL } from '../core/render/projection';
 import type { SceneInfo } from '../core/scene';
-import type { GpuScene } from './gpu';
-import type { SplatView, Viewport } from './view';
+import type { GpuScene } from '../guest/gpu';
+import type { SplatView, Viewport } from '../guest/view';
 
 export const CONVERSION = { none: 0, toLinear: 1, toSrgb: 2 } as const;
 

@@ -8,11 +8,13 @@ import { batchesOf, batchIndices } from '../core/render/batch';
 import type { Colours } from '../core/render/colours';
 import type { SceneCamera, SceneInfo, SplatUpdate } from '../core/scene';
 import { sceneBounds } from '../viewer/bounds';
-import { SplatData, type SplatsOptions } from './data';
-import { CONVERSION, SplatMaterial } from './material';
-import { CameraOrder } from './orders';
+import { SplatData, type SplatsOptions } from '../guest/data';
+import { CameraOrder } from '../guest/orders';
+import { similarityOf, viewOfCamera } from '../guest/view';
 import { pick } from '../core/pick';
-import { similarityOf, takeSceneCamera, viewOfCamera } from './view';
+import { RendererContext } from './context';
+import { CONVERSION, SplatMaterial } from './material';
+import { takeSceneCamera } from './view';
 
 /** What a target holds: code values as a display takes them, or linear light. */
 export type TargetColours = 'auto' | 'display' | 'linear';
@@ -84,19 +86,19 @@ export class LitetexSplats extends Mesh<InstancedBufferGeometry, SplatMaterial> 
     };
 
     /** An object without splats, which `apply` gives it; loaders do that. */
-    constructor(source: SceneInfo | SplatData, options: SplatsOptions = {}) {
+    constructor(source: SceneInfo | SplatData<RendererContext>, options: SplatsOptions = {}) {
         const geometry = new InstancedBufferGeometry();
         geometry.setIndex(batchIndices());
         geometry.instanceCount = 0;
         super(geometry, new SplatMaterial());
-        this.data = source instanceof SplatData ? source : new SplatData(source, options);
+        this.data = source instanceof SplatData ? source : new SplatData<RendererContext>(source, options);
         this.data.retain(this, this.changed);
         // Bounds are those of most splats, not all.
         this.frustumCulled = false;
         geometry.addEventListener('dispose', () => this.release());
     }
 
-    private readonly data: SplatData;
+    private readonly data: SplatData<RendererContext>;
 
     /** What the file says. */
     get info(): SceneInfo {
@@ -132,10 +134,10 @@ export class LitetexSplats extends Mesh<InstancedBufferGeometry, SplatMaterial> 
             (camera as PerspectiveCamera).updateProjectionMatrix();
         }
         renderer.getCurrentViewport(viewport);
-        const view = viewOfCamera(camera.projectionMatrix, camera.matrixWorldInverse, this.matrixWorld, viewport);
+        const view = viewOfCamera(camera.projectionMatrix.elements, camera.matrixWorldInverse.elements, this.matrixWorld.elements, viewport);
         if (!view) return this.warn('LitetexSplats: cameras without perspective are not supported, and show no splats');
         if (!view.exact) this.warn('LitetexSplats: uneven scales, shear and mirroring are not supported; the closest similarity is shown');
-        const gpu = this.data.gpu(renderer);
+        const { gpu, host } = this.data.gpu(renderer.state, () => new RendererContext(renderer));
         let order = this.orders.get(camera);
         if (!order) this.orders.set(camera, order = new CameraOrder());
         const r = view.rotation;
@@ -149,8 +151,8 @@ export class LitetexSplats extends Mesh<InstancedBufferGeometry, SplatMaterial> 
         this.material.setTextures(gpu, pool, count, fast);
         const target = renderer.getRenderTarget();
         const conversion = this.conversionFor(renderer);
-        const whole = conversion !== CONVERSION.none && this.conversion === 'image' && target !== null && gpu.composite.begin(target);
-        this.afterRender = whole ? () => gpu.composite.end(camera, conversion === CONVERSION.toLinear) : null;
+        const whole = conversion !== CONVERSION.none && this.conversion === 'image' && target !== null && host.composite.begin(target);
+        this.afterRender = whole ? () => host.composite.end(camera, conversion === CONVERSION.toLinear) : null;
         this.material.set(view, viewport, this.info, this.colours, whole ? CONVERSION.none : conversion, depthRange);
         this.material.setLogarithmicDepth(renderer, (camera as PerspectiveCamera).far, view.scale);
     }
@@ -162,7 +164,7 @@ export class LitetexSplats extends Mesh<InstancedBufferGeometry, SplatMaterial> 
 
     /** Adds the surface that the ray meets: where its transmittance falls below one half. */
     override raycast(raycaster: Raycaster, intersects: Intersection[]): void {
-        const { scale, rotation: r, translation: t } = similarityOf(this.matrixWorld);
+        const { scale, rotation: r, translation: t } = similarityOf(this.matrixWorld.elements);
         const { origin, direction } = raycaster.ray;
         const turned = (x: number, y: number, z: number) => [0, 1, 2].map((c) => r[c] * x + r[3 + c] * y + r[6 + c] * z) as [number, number, number];
         const found = pick(this.data.parts, {

@@ -84,7 +84,7 @@ describe.skipIf(!browserPath())('<litetex-viewer>', () => {
     }, png);
 
     const farthest = (a: number[], b: number[]) => Math.max(...a.map((v, k) => Math.abs(v - b[k])));
-    const EMPTY = Array.from({ length: 36 }, (_, k) => (k % 3 === 1 ? 128 : 0));
+    const EMPTY: number[] = Array.from({ length: 36 }, (_, k) => (k % 3 === 1 ? 128 : 0));
 
     test('20 on one page all show their picture, with six contexts', async () => {
         await add(1, { src: FILE });

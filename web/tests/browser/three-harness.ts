@@ -314,7 +314,7 @@ const scenarios = {
         const before = memory.textures;
         renderer.render(scene, camera);
         const drawnWith = memory.textures;
-        const gpu = [...(Reflect.get(Reflect.get(splats, 'data'), 'gpus') as Map<object, { buffers: { splats: { texture: WebGLTexture } } }>).values()][0];
+        const { gpu } = [...(Reflect.get(Reflect.get(splats, 'data'), 'gpus') as Map<object, { gpu: { buffers: { splats: { texture: WebGLTexture } } } }>).values()][0];
         const { texture } = gpu.buffers.splats;
         const isAlive = () => (renderer.getContext() as WebGL2RenderingContext).isTexture(texture);
         if (!isAlive()) throw new Error('the texture is not there');

@@ -50,12 +50,13 @@ test.each(['bundler', 'nodenext'])('types resolve as %s does it', (resolution) =
             import { openScene, SplatRenderer, viewOf } from 'litetex';
             import { readScene } from 'litetex/read';
             import { LitetexLoader } from 'litetex/three';
+            import { loadSplats } from 'litetex/playcanvas';
             import { LitetexViewerElement } from 'litetex/element';
             const renderer = new SplatRenderer(document.createElement('canvas'));
             openScene({ url: 'scene.ltgs' }, (info) => renderer.start(info), (update) => renderer.apply(update));
             const splats: number = (await readScene(new Uint8Array())).splats;
             document.querySelector('litetex-viewer')!.addEventListener('progress', (event) => console.log(event.loaded));
-            console.log(viewOf, LitetexLoader, LitetexViewerElement, splats);
+            console.log(viewOf, LitetexLoader, loadSplats, LitetexViewerElement, splats);
         `);
         const options = { target: 'es2022', module: resolution === 'bundler' ? 'esnext' : 'nodenext', moduleResolution: resolution, strict: true, noEmit: true, lib: ['es2023', 'dom'], types: [] };
         mkdirSync(join(folder, 'node_modules'));

@@ -82,17 +82,21 @@ export class FastPath {
     /** Draws what was prepared onto what is bound; the caller blends. */
     draw(frame: Frame): void {
         const { gl } = this;
-        const variant = variantOf(frame);
-        const program = this.quad(variant);
+        const { view, depth } = frame;
+        // Depths by the hardware's clipping alone have too few digits to be tested or shown.
+        const isExact = depth !== undefined || frame.colours === 'depth';
+        const program = this.quad(variantOf(frame) + (isExact ? '#define EXACT_DEPTH\n' : ''));
         gl.useProgram(program.program);
         program.textures(this.textures);
         gl.uniform1i(program.uniform('drawn'), frame.drawn);
-        gl.uniform2f(program.uniform('size'), frame.view.widthPx, frame.view.heightPx);
+        gl.uniform2f(program.uniform('size'), view.widthPx, view.heightPx);
         gl.uniform2f(program.uniform('atlasSize'), ...this.atlasSize);
-        if (variant) {
-            gl.uniformMatrix3fv(program.uniform('cameraFromData'), true, frame.view.rotation);
-            gl.uniform3f(program.uniform('translation'), ...frame.view.translation);
-            gl.uniform2f(program.uniform('depthFromInverse'), 0, 0);
+        if (isExact) {
+            gl.uniformMatrix3fv(program.uniform('cameraFromData'), true, view.rotation);
+            gl.uniform3f(program.uniform('translation'), ...view.translation);
+            gl.uniform2f(program.uniform('principal'), ...view.principalPx);
+            gl.uniform2f(program.uniform('depthFromInverse'), ...depth?.fromInverse ?? [0, 0] as const);
+            gl.uniform2f(program.uniform('depthSlope'), ...depth?.slope ?? [0, 0] as const);
             gl.uniform1f(program.uniform('near'), frame.info.near);
             gl.uniform2f(program.uniform('depthRange'), Math.log(frame.depthRange[0]), Math.log(frame.depthRange[1]));
         }

@@ -89,9 +89,8 @@ export function recordProgram(gl: WebGL2RenderingContext): Program {
     return new Program(gl, resolveVertex, DEFINES + fetch + project + recordFragment);
 }
 
-/** Draws records, in a variant. */
-export function quadProgram(gl: WebGL2RenderingContext, variant: string): Program {
-    const defines = variant ? `${variant}#define EXACT_DEPTH\n` : '';
+/** Draws records, in a variant, which lines of `#define` tell. */
+export function quadProgram(gl: WebGL2RenderingContext, defines: string): Program {
     return new Program(gl, defines + QUAD_SHADERS.vertex, defines + QUAD_SHADERS.fragment);
 }
 

@@ -24,6 +24,10 @@ export interface Frame {
     readonly budget: number;
     /** Depths that are shown as white and black where colours show depth. */
     readonly depthRange: readonly [near: number, far: number];
+    /** Depth of clip space where others are tested against: x + y / distance + slope . (px from the principal point). */
+    readonly depth?: { readonly fromInverse: readonly [number, number]; readonly slope: readonly [number, number] };
+    /** How the colours of each splat are converted: to linear light, or to sRGB. */
+    readonly conversion?: 'TO_LINEAR' | 'TO_SRGB' | null;
 }
 
 /** Sets the textures and uniforms of `project.glsl`. */
@@ -48,6 +52,6 @@ export function setProjection(gl: WebGL2RenderingContext, program: Program, { vi
 }
 
 /** Lines of `#define` for what an image shows. */
-export function variantOf({ colours }: Frame): string {
-    return colours === 'depth' ? '#define SHOWS_DEPTH\n' : '';
+export function variantOf({ colours, conversion }: Frame): string {
+    return (colours === 'depth' ? '#define SHOWS_DEPTH\n' : '') + (conversion ? `#define ${conversion}\n` : '');
 }

@@ -1,9 +1,8 @@
-/** What the objects that show the same scene share: its splats, their orders, and textures in each renderer. */
+/** What the objects that show the same scene in an engine share: its splats, their orders, and textures in each context. */
 
-import type { WebGLRenderer } from 'three';
 import type { Storage } from '../core/render/buffers';
 import type { SceneInfo, Splats, SplatUpdate } from '../core/scene';
-import { GpuScene, type VersionedUpdate } from './gpu';
+import { type Context, GpuScene, type VersionedUpdate } from './gpu';
 import { Orders } from './orders';
 
 export interface SplatsOptions {
@@ -13,11 +12,11 @@ export interface SplatsOptions {
     readonly storage?: Storage;
 }
 
-export class SplatData {
+export class SplatData<Host extends Context = Context> {
     readonly orders: Orders;
     /** Objects that show it. */
     private readonly users = new Map<object, () => void>();
-    private readonly gpus = new Map<WebGLRenderer, GpuScene>();
+    private readonly gpus = new Map<object, { readonly host: Host; readonly gpu: GpuScene }>();
     private updates: VersionedUpdate[] = [];
     private version = 0;
     disposed = false;
@@ -55,15 +54,17 @@ export class SplatData {
         this.changed();
     }
 
-    /** The textures of a renderer, up to date. */
-    gpu(renderer: WebGLRenderer): GpuScene {
-        let gpu = this.gpus.get(renderer);
-        if (gpu?.state !== renderer.state) {
-            gpu = new GpuScene(renderer, this.info, this.options.storage ?? 'half', this.maxSplats);
-            this.gpus.set(renderer, gpu);
+    /** The textures of a context, up to date. `key` stands for it, and is another one after its loss. */
+    gpu(key: object, makeHost: () => Host): { readonly host: Host; readonly gpu: GpuScene } {
+        let made = this.gpus.get(key);
+        if (!made) {
+            for (const [old, { host }] of this.gpus) if (!host.alive()) this.gpus.delete(old);
+            const host = makeHost();
+            made = { host, gpu: new GpuScene(host, this.info, this.options.storage ?? 'half', this.maxSplats) };
+            this.gpus.set(key, made);
         }
-        gpu.apply(this.updates);
-        return gpu;
+        made.gpu.apply(this.updates);
+        return made;
     }
 
     /** Counts an object that shows it and is told about changes. */
@@ -75,7 +76,11 @@ export class SplatData {
     release(user: object): void {
         if (!this.users.delete(user) || this.users.size > 0) return;
         this.disposed = true;
-        this.gpus.forEach((gpu) => gpu.dispose());
+        this.gpus.forEach(({ host, gpu }) => {
+            if (!host.alive()) return;
+            gpu.dispose();
+            host.dispose();
+        });
         this.gpus.clear();
         this.orders.dispose();
         this.updates = [];

@@ -1,6 +1,5 @@
-/** A scene's textures in one renderer. They are our own, not three.js's; its caches of GL state are kept right. */
+/** A scene's textures in a context of another engine. They are our own; the engine's caches of GL state are kept right. */
 
-import type { WebGLRenderer } from 'three';
 import { Batches } from '../core/render/batch';
 import { SplatBuffers, type Storage } from '../core/render/buffers';
 import { FastPath } from '../core/render/fast';
@@ -8,13 +7,22 @@ import { asGuest } from '../core/render/guest';
 import { Pool } from '../core/render/pool';
 import type { Frame } from '../core/render/projection';
 import type { SceneInfo } from '../core/scene';
-import { Composite } from './composite';
 import type { CameraOrder } from './orders';
 
 /** Textures of the fast path: records, the atlas, places in it. */
 const FAST_TEXTURES = 6;
 /** Orders of cameras that are kept on the GPU: enough for a view, a mirror and the six of a cube. */
 const MAX_ORDERS = 8;
+
+export interface Context {
+    readonly gl: WebGL2RenderingContext;
+    /** Whether it still has what was made in it: not once it has been lost. */
+    alive(): boolean;
+    /** Is told how many textures were made or, below zero, deleted. */
+    counted(textures: number): void;
+    /** Frees what the engine's own part has made. */
+    dispose(): void;
+}
 
 export interface VersionedUpdate {
     readonly version: number;
@@ -23,20 +31,15 @@ export interface VersionedUpdate {
 
 export class GpuScene {
     readonly buffers: SplatBuffers;
-    /** Another one after the loss of the context, which all textures went with. */
-    readonly state: WebGLRenderer['state'];
     private readonly orders = new Map<CameraOrder, { pool: Pool; version: number; splats: number; count: number; stamp: number }>();
     private stamp = 0;
     private batches: Batches | null = null;
     private fast: FastPath | null = null;
-    readonly composite: Composite;
     private version = 0;
 
-    constructor(private readonly renderer: WebGLRenderer, info: SceneInfo, storage: Storage, maxSplats: number) {
-        this.composite = new Composite(renderer);
-        this.state = renderer.state;
+    constructor(private readonly context: Context, info: SceneInfo, storage: Storage, maxSplats: number) {
         this.buffers = this.uploading((gl) => new SplatBuffers(gl, info, storage, maxSplats));
-        renderer.info.memory.textures += 4;
+        context.counted(4);
     }
 
     /** Takes what it has not got yet. */
@@ -54,7 +57,7 @@ export class GpuScene {
         if (!entry) {
             if (this.orders.size >= MAX_ORDERS) this.drop(this.orders.keys().next().value!);
             const pool = this.uploading((gl) => new Pool(gl, 'r32ui', this.buffers.capacity));
-            this.renderer.info.memory.textures++;
+            this.context.counted(1);
             entry = { pool, version: -1, splats: 0, count: 0, stamp: 0 };
         }
         const { count } = this.buffers;
@@ -72,7 +75,7 @@ export class GpuScene {
     prepare(frame: Frame): FastPath {
         if (this.fast?.has(frame)) return this.fast;
         return this.uploading((gl) => {
-            if (!this.fast) this.renderer.info.memory.textures += FAST_TEXTURES;
+            if (!this.fast) this.context.counted(FAST_TEXTURES);
             this.batches ??= new Batches(gl);
             this.fast ??= new FastPath(gl, this.batches);
             this.fast.prepare(frame);
@@ -82,23 +85,20 @@ export class GpuScene {
 
     dispose(): void {
         [...this.orders.keys()].forEach((order) => this.drop(order));
-        this.renderer.info.memory.textures -= this.fast ? 4 + FAST_TEXTURES : 4;
-        const alive = this.state === this.renderer.state;
-        this.composite.dispose(alive);
-        if (!alive) return;
+        this.context.counted(this.fast ? -4 - FAST_TEXTURES : -4);
         this.buffers.dispose();
         this.fast?.dispose();
         this.batches?.dispose();
     }
 
     private drop(order: CameraOrder): void {
-        if (this.state === this.renderer.state) this.orders.get(order)!.pool.dispose();
+        this.orders.get(order)!.pool.dispose();
         this.orders.delete(order);
-        this.renderer.info.memory.textures--;
+        this.context.counted(-1);
     }
 
     private uploading<T>(work: (gl: WebGL2RenderingContext) => T): T {
-        const gl = this.renderer.getContext() as WebGL2RenderingContext;
+        const { gl } = this.context;
         return asGuest(gl, () => work(gl));
     }
 }

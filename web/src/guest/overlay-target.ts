@@ -1,8 +1,6 @@
-/** What splats are blended in before they are laid over a render target of three.js. */
+/** What splats are blended in before they are laid over a render target of another engine. */
 
-import type { WebGLRenderer } from 'three';
-
-export class OwnTarget {
+export class OverlayTarget {
     /** The splats, and a copy of what stands behind them. */
     readonly colours: WebGLTexture;
     readonly behind: WebGLTexture;
@@ -11,13 +9,13 @@ export class OwnTarget {
     /** The depth that it shares; not yet any that works. */
     private depth: WebGLRenderbuffer | WebGLTexture | null | undefined;
 
-    /** `format`: that of the copy. */
-    constructor(private readonly gl: WebGL2RenderingContext, private readonly state: WebGLRenderer['state'], readonly width: number, readonly height: number, samples: number, format: number) {
+    /** `format`: that of the copy. Leaves other bindings. */
+    constructor(private readonly gl: WebGL2RenderingContext, readonly width: number, readonly height: number, samples: number, format: number) {
         this.colours = this.texture(gl.RGBA16F);
         this.behind = this.texture(format);
         const [colours, behind] = [this.colours, this.behind].map((texture) => {
             const framebuffer = gl.createFramebuffer()!;
-            state.bindFramebuffer(gl.FRAMEBUFFER, framebuffer);
+            gl.bindFramebuffer(gl.FRAMEBUFFER, framebuffer);
             gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, texture, 0);
             return framebuffer;
         });
@@ -28,7 +26,7 @@ export class OwnTarget {
             gl.renderbufferStorageMultisample(gl.RENDERBUFFER, samples, gl.RGBA16F, width, height);
             gl.bindRenderbuffer(gl.RENDERBUFFER, null);
             drawn = gl.createFramebuffer()!;
-            state.bindFramebuffer(gl.FRAMEBUFFER, drawn);
+            gl.bindFramebuffer(gl.FRAMEBUFFER, drawn);
             gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.RENDERBUFFER, this.samplesBuffer);
         }
         this.framebuffers = { colours, behind, drawn };
@@ -37,7 +35,7 @@ export class OwnTarget {
     /** Binds it, with a depth buffer or texture of another target. False if the device does not allow that. */
     share(depth: WebGLRenderbuffer | WebGLTexture | null, type: number): boolean {
         const { gl } = this;
-        this.state.bindFramebuffer(gl.FRAMEBUFFER, this.framebuffers.drawn);
+        gl.bindFramebuffer(gl.FRAMEBUFFER, this.framebuffers.drawn);
         if (this.depth === depth) return true;
         if (type === gl.TEXTURE) gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.TEXTURE_2D, depth, 0);
         else gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.RENDERBUFFER, depth);
@@ -51,7 +49,7 @@ export class OwnTarget {
         const { colours, behind, drawn } = this.framebuffers;
         if (drawn !== colours) this.copy(drawn, colours);
         this.copy(bound, behind);
-        this.state.bindFramebuffer(this.gl.FRAMEBUFFER, bound);
+        this.gl.bindFramebuffer(this.gl.FRAMEBUFFER, bound);
     }
 
     dispose(): void {
@@ -63,8 +61,7 @@ export class OwnTarget {
 
     private copy(from: WebGLFramebuffer, to: WebGLFramebuffer): void {
         const { gl, width, height } = this;
-        this.state.bindFramebuffer(gl.DRAW_FRAMEBUFFER, to);
-        // Not through the state, which does not see that binding both changes this one, too.
+        gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, to);
         gl.bindFramebuffer(gl.READ_FRAMEBUFFER, from);
         gl.blitFramebuffer(0, 0, width, height, 0, 0, width, height, gl.COLOR_BUFFER_BIT, gl.NEAREST);
     }
@@ -72,11 +69,9 @@ export class OwnTarget {
     private texture(format: number): WebGLTexture {
         const { gl } = this;
         const texture = gl.createTexture()!;
-        this.state.activeTexture(gl.TEXTURE0);
         gl.bindTexture(gl.TEXTURE_2D, texture);
         gl.texStorage2D(gl.TEXTURE_2D, 1, format, this.width, this.height);
         for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, name, gl.NEAREST);
-        this.state.unbindTexture();
         return texture;
     }
 }

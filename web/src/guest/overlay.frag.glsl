@@ -9,6 +9,15 @@ uniform bool linear; // the target holds linear light, the splats sRGB code valu
 
 out vec4 result;
 
+#ifdef GAMMA // some engines take a power for the curve of sRGB
+vec3 decoded(vec3 c) {
+    return pow(max(c, 0.0), vec3(GAMMA));
+}
+
+vec3 encoded(vec3 c) {
+    return pow(max(c, 0.0), vec3(1.0 / GAMMA));
+}
+#else
 vec3 decoded(vec3 c) {
     return mix(c / 12.92, pow((max(c, 0.0) + 0.055) / 1.055, vec3(2.4)), step(0.04045, c));
 }
@@ -16,6 +25,7 @@ vec3 decoded(vec3 c) {
 vec3 encoded(vec3 c) {
     return mix(12.92 * c, 1.055 * pow(max(c, 0.0031308), vec3(1.0 / 2.4)) - 0.055, step(0.0031308, c));
 }
+#endif
 
 void main() {
     vec4 front = texelFetch(splats, ivec2(gl_FragCoord.xy), 0);
