@@ -34,7 +34,7 @@ export PYTHONDONTWRITEBYTECODE=1
         npm ci --no-audit --no-fund --ignore-scripts --loglevel=error
         cp package-lock.json node_modules/.installed
     fi
-    npm run --silent build
+    npm run --silent build >/dev/null
 )
 export LITETEX_WEB=$PWD/web/dist
 

@@ -46,6 +46,7 @@ export async function render(job) {
     await frames(60);
     const image = pixels(canvas);
     app.autoRender = false;
+    Object.defineProperty(app, 'renderNextFrame', { get: () => false, set() {} }); // orders that arrive draw no image of their own
     const { gl } = app.graphicsDevice;
     const draw = (i) => {
         camera.setRotation(new pc.Quat().setFromMat4(new pc.Mat4().set(turned(worldFromCamera, 0.01 * (i % 2)))));

@@ -78,14 +78,15 @@ function serve(jobs) {
     return new Promise((resolve) => server.listen(0, '127.0.0.1', () => resolve(server)));
 }
 
-/** CPU milliseconds of the browser's graphics process so far. */
+/** CPU milliseconds of the graphics process of our browser, not of another that runs at the same time, so far. */
 function spentMs() {
+    const read = (pid, name) => { try { return readFileSync(`/proc/${pid}/${name}`, 'utf8'); } catch { return ''; } };
+    const fields = (pid) => (read(pid, 'stat').split(') ')[1] ?? '').split(' ');
+    const isOurs = (pid) => pid === process.pid || (pid > 1 && isOurs(Number(fields(pid)[1])));
     for (const pid of readdirSync('/proc').filter((name) => /^\d+$/.test(name))) {
-        const of = (name) => { try { return readFileSync(`/proc/${pid}/${name}`, 'utf8'); } catch { return ''; } };
-        const command = of('cmdline');
-        if (!command.includes('--type=gpu-process') || !command.includes(DRIVER)) continue;
-        const fields = of('stat').split(') ')[1].split(' ');
-        return MS_PER_TICK * (Number(fields[11]) + Number(fields[12]));
+        if (!read(pid, 'cmdline').includes('--type=gpu-process') || !isOurs(Number(pid))) continue;
+        const [user, system] = fields(pid).slice(11, 13).map(Number);
+        return MS_PER_TICK * (user + system);
     }
     throw new Error('the browser has no graphics process');
 }

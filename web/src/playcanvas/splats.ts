@@ -30,7 +30,7 @@ const BEHIND_MESHES = new DepthState(FUNC_LESSEQUAL, false);
  * Call `dispose()` when it is no longer needed; destroying the entity or the app does the same.
  */
 export class LitetexSplats {
-    /** In the frame of the data. To be added to the hierarchy of the app, by who loads it. */
+    /** In the frame of the data. To be added to the hierarchy of the app, by whoever loads it. */
     readonly entity: Entity;
     /** What colours show: `trained` (default), `untextured`, `texels` or `degree`. */
     colours: Exclude<Colours, 'depth'> = 'trained';
@@ -65,8 +65,8 @@ export class LitetexSplats {
         this.handles = [
             app.scene.on('prerender:layer', this.draw, this),
             device.on('devicelost', this.forget, this),
-            this.entity.once('destroy', this.dispose, this),
-            app.once('destroy', this.dispose, this),
+            this.entity.once('destroy', this.release, this),
+            app.once('destroy', this.release, this),
         ];
     }
 
@@ -108,9 +108,13 @@ export class LitetexSplats {
     /** Frees textures, the worker and the splats themselves, and destroys the entity. */
     dispose(): void {
         if (this.data.disposed) return;
+        this.release();
+        this.entity.destroy();
+    }
+
+    private release(): void {
         this.data.release(this);
         this.handles.forEach((handle) => handle.off());
-        this.entity.destroy();
     }
 
     /** Everything that was in the context has gone with it. */
@@ -157,8 +161,9 @@ export class LitetexSplats {
         device.setScissor(scissor.x, scissor.y, scissor.width, scissor.height);
         const isOverlaid = isOther && context.overlay.begin(target.width, target.height, target.samples > 1 ? target.samples : 0);
         context.drawing(() => path.draw({ ...frame, conversion: isOverlaid || !isOther ? null : isLinear ? 'TO_LINEAR' : 'TO_SRGB' }));
+        if (!isOverlaid) return;
         device.setDrawStates();
-        if (isOverlaid) context.endOverlay(isLinear);
+        context.endOverlay(isLinear);
     }
 
     private warn(message: string): void {

@@ -1,7 +1,7 @@
 /** Draws scenes with PlayCanvas and hands the images to the tests. */
 
 import {
-    AppBase, Application, BLEND_NORMAL, CameraComponentSystem, CameraFrame, Color, createGraphicsDevice, CULLFACE_NONE, AppOptions, Entity, FILLMODE_NONE, FILTER_NEAREST, GAMMA_NONE, LAYERID_UI, LAYERID_WORLD,
+    AppBase, Application, BLEND_NORMAL, CameraComponentSystem, CameraFrame, Color, createGraphicsDevice, CULLFACE_NONE, AppOptions, Entity, FILLMODE_NONE, FILTER_NEAREST, GAMMA_NONE, LAYERID_IMMEDIATE, LAYERID_UI, LAYERID_WORLD,
     Layer, type Mat4, PIXELFORMAT_RGBA16F, PIXELFORMAT_RGBA8, RenderTarget, RENDERTARGET_ORIGIN_NATIVE, RENDERTARGET_ORIGIN_TOP, RESOLUTION_FIXED, StandardMaterial, Texture, TONEMAP_NONE, Vec2, Vec3, Vec4, type WebglGraphicsDevice,
 } from 'playcanvas';
 import { openScene } from '../../src/core/open';
@@ -246,10 +246,9 @@ const scenarios = {
         splats.takeCamera(camera, of);
         splats.sorting = 'auto';
         const shown = () => drawn(scene, of.widthPx, of.heightPx, 'canvas');
-        app.renderNextFrame = false;
         const before = await shown();
         app.renderNextFrame = false;
-        while (!app.renderNextFrame) await new Promise((resolve) => setTimeout(resolve, 5));
+        await new Promise((resolve) => app.once('postrender', resolve));
         const after = await shown();
         splats.sorting = 'immediate';
         const exact = await shown();
@@ -272,15 +271,18 @@ const scenarios = {
             splats.takeCamera(camera, cameraOf(info, view));
             splats.entity.enabled = isShown;
             const maps = [0, 1, 2].map((seed) => new Texture(app.graphicsDevice, {
-                width: 5, height: 4, format: PIXELFORMAT_RGBA8, mipmaps: seed === 1, flipY: seed === 0, premultiplyAlpha: seed === 2,
+                width: 5, height: 4, format: PIXELFORMAT_RGBA8, mipmaps: seed === 1, flipY: true, premultiplyAlpha: true,
             }));
-            const front = plane(scene, material([1, 1, 1], maps[0]), 0.002);
+            // Before the splats, and once more after them: what is bound for it is taken to be there still.
+            const opaque = material([1, 1, 1], maps[0]);
+            const front = plane(scene, opaque, 0.002);
+            plane(scene, opaque, 0.0018, [LAYERID_IMMEDIATE]).setLocalScale(1e-3, 1, 1e-3);
             const [blended, overlay] = [material([0.5, 0.5, 0.5], maps[1]), material([1, 1, 1], maps[2])];
             for (const made of [blended, overlay]) {
                 Object.assign(made, { opacity: 0.5, blendType: BLEND_NORMAL });
                 made.update();
             }
-            plane(scene, blended, 0.0015);
+            plane(scene, blended, 0.0015, [LAYERID_UI]);
             plane(scene, overlay, 0.0012, [LAYERID_UI]);
             // First all of the splats are seen, then nothing of them.
             front.enabled = false;
@@ -294,6 +296,7 @@ const scenarios = {
                     }
                     map.setSource(source);
                 }
+                camera.rotateLocal(0, 0.5, 0);
                 scene.draw();
                 if (frame === 0 && isShown) shown = new Set(canvasPixels(gl, 96, 64)).size;
                 front.enabled = true;
@@ -402,7 +405,7 @@ function disc(app: AppBase, colour: readonly number[], z: number, sigma: number,
 function infoOf(): SceneInfo {
     return {
         container: 'ltgs', quality: '', splats: 1, texels: 0, shDegree: 0, near: 0.001, filter: 'none', background: [0, 0, 0], colourSpace: 'srgb_rec709_display',
-        worldFromData: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1], captureFromData: null, cameras: [], home: null, bounds: null, untextured: null, fileBytes: 0,
+        worldFromData: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1], captureFromData: null, cameras: [], home: null, bounds: null, untextured: null, standInUntil: null, fileBytes: 0,
         provenance: { title: '', author: '', licence: '', source: '', up: '', programVersion: '', scale: '', training: {} },
     };
 }
