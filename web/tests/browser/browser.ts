@@ -31,7 +31,7 @@ export class BrowserTest {
         const server = await createServer({
             root: WEB, configFile: false, logLevel: 'error', server: { port: 0, host: '127.0.0.1', fs: { allow: [WEB, ...folders] }, hmr: false, watch: null },
             optimizeDeps: { noDiscovery: true },
-            // One file instead of a thousand; the one that checks what it is given.
+            // One file instead of a thousand: the build that checks what it is given.
             resolve: { alias: { playcanvas: 'playcanvas/build/playcanvas.dbg.mjs' } },
         });
         await server.listen();

@@ -2,7 +2,7 @@
 
 import {
     AppBase, Application, BLEND_NORMAL, CameraComponentSystem, CameraFrame, Color, createGraphicsDevice, CULLFACE_NONE, AppOptions, Entity, FILLMODE_NONE, FILTER_NEAREST, GAMMA_NONE, LAYERID_IMMEDIATE, LAYERID_UI, LAYERID_WORLD,
-    Layer, type Mat4, PIXELFORMAT_RGBA16F, PIXELFORMAT_RGBA8, RenderTarget, RENDERTARGET_ORIGIN_NATIVE, RENDERTARGET_ORIGIN_TOP, RESOLUTION_FIXED, StandardMaterial, Texture, TONEMAP_NONE, Vec2, Vec3, Vec4, type WebglGraphicsDevice,
+    Layer, type Mat4, PIXELFORMAT_RGBA16F, PIXELFORMAT_RGBA8, PROJECTION_ORTHOGRAPHIC, RenderTarget, RENDERTARGET_ORIGIN_NATIVE, RENDERTARGET_ORIGIN_TOP, RESOLUTION_FIXED, StandardMaterial, Texture, TONEMAP_NONE, Vec2, Vec3, Vec4, type WebglGraphicsDevice,
 } from 'playcanvas';
 import { openScene } from '../../src/core/open';
 import type { SceneCamera, SceneInfo } from '../../src/core/scene';
@@ -323,6 +323,21 @@ const scenarios = {
         const rgba = canvasPixels(gl, 64, 64);
         end(scene);
         return Array.from({ length: 64 }, (_, x) => rgba[4 * (32 * 64 + x)]);
+    },
+
+    /** What is warned of, and how bright the middle is, where a camera has no perspective or an entity is stretched. */
+    warned(what: 'orthographic' | 'stretched'): { said: string[]; red: number } {
+        const scene = stage(32, 32);
+        const { entity } = disc(scene.app, [1, 1, 1], -1, 1);
+        if (what === 'orthographic') scene.camera.camera!.projection = PROJECTION_ORTHOGRAPHIC;
+        else entity.setLocalScale(1, 2, 1);
+        const { warn } = console, said: string[] = [];
+        console.warn = (message: string) => said.push(message);
+        for (let i = 0; i < 2; i++) scene.draw();
+        console.warn = warn;
+        const red = canvasPixels(scene.gl, 32, 32)[4 * (16 * 32 + 16)];
+        end(scene);
+        return { said, red };
     },
 
     /** The middle of a disc of 0.5, whose numbers are of one space, in a target of another: red as it is stored, or what the canvas shows of it. */

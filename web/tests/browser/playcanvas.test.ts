@@ -146,6 +146,10 @@ describe.skipIf(!browserPath())('PlayCanvas', () => {
         server.close();
     });
 
+    test('what is not supported is said once', async () => {
+        expect(await run('warned', 'orthographic')).toEqual({ said: [expect.stringContaining('cameras without perspective')], red: 0 });
+        expect(await run('warned', 'stretched')).toEqual({ said: [expect.stringContaining('uneven scales')], red: expect.closeTo(0.99, 1) });
+    });
     test('files of other kinds are refused', async () => expect(await run('failure', url(join(PACK, 'wide.png')))).toMatch(/SceneError: .*image/));
     test('other devices are refused, with the remedy', async () => expect(await run('refused')).toContain("deviceTypes: ['webgl2']"));
     test('the page shows no errors', () => expect(browser.errors).toEqual([]));
