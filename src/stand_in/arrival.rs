@@ -86,6 +86,7 @@ fn shown(scene: &SplatAsset, state: State) -> SplatAsset {
         shown.scales[splat].iter_mut().for_each(|scale| *scale *= growth);
         shown.maps[splat].texel_sizes.iter_mut().for_each(|size| *size *= growth);
     }
+    shown.fit_sh_degree();
     shown
 }
 

@@ -1,6 +1,9 @@
 //! Texels as 8-bit codes: `texel = code * scale + bias`, computed in f64 and rounded to f32.
 
-/// Converts between codes and texels. Code 127 is exactly 0.
+/// The code of a texel of exactly 0.
+pub const ZERO: u8 = 127;
+
+/// Converts between codes and texels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TexelDecode {
     /// Difference between the texels of consecutive codes.

@@ -1,4 +1,4 @@
-//! Texture atlases: maps at their exact sizes, side by side on pages, without gutter. Column `x + col` and row `y + row` of
+//! Texture atlases: maps at their exact sizes on pages, side by side or with a border of zeros between them. Column `x + col` and row `y + row` of
 //! a page hold texel `(row, col)` of a map.
 
 mod codes;
@@ -6,7 +6,7 @@ mod image;
 mod pages;
 mod skyline;
 
-pub use codes::TexelDecode;
+pub use codes::{TexelDecode, ZERO};
 pub(crate) use image::{encode_exr, encode_png};
 pub(crate) use pages::{MapRows, PageRows};
 pub use skyline::{Placement, pack};
@@ -33,30 +33,75 @@ pub struct Atlas {
     pub placements: Vec<Placement>,
     /// `[width, height]` of each page.
     pub pages: Vec<[u16; 2]>,
+    /// Texels of no map around each, at least.
+    pub border: u16,
 }
 
 impl Atlas {
-    /// Packs the maps of an asset onto pages of at most `side` texels.
+    /// Packs the maps of an asset onto pages of at most `side` texels, side by side.
     ///
     /// # Errors
     /// [`Error::TooLarge`] if a map is larger than a page.
     pub fn of(asset: &SplatAsset, side: u16) -> Result<Self> {
-        let sizes: Vec<[u16; 2]> = asset.maps.iter().map(|m| [m.cols, m.rows]).collect();
-        let (placements, pages) = pack(&sizes, side).ok_or_else(|| {
+        Self::packed(asset, side, 0).ok_or_else(|| {
             let most = asset.maps.iter().map(|m| m.rows.max(m.cols)).max().unwrap_or(0);
             too_large!("", "atlas: maps of up to {most} texels per side on pages of {side}")
-        })?;
-        Ok(Self { placements, pages })
+        })
     }
 
-    /// Copies texels of 3 numbers each onto pages; what no map covers is `T::default()`. `[page][height, width, 3]`
-    pub fn pages_from_texels<T: Copy + Default>(&self, maps: &[AssetMap], texels: &[T]) -> Vec<Vec<T>> {
+    /// [`Self::of`], with a texel of no map around each map if the pages have room for that.
+    ///
+    /// # Errors
+    /// As [`Self::of`].
+    pub fn with_border(asset: &SplatAsset, side: u16) -> Result<Self> {
+        Self::packed(asset, side, 1).map_or_else(|| Self::of(asset, side), Ok)
+    }
+
+    fn packed(asset: &SplatAsset, side: u16, border: u16) -> Option<Self> {
+        // Neighbours share what is between them; upper and left edges have a border of their own.
+        let wider = |side: u16| if side == 0 { Some(0) } else { side.checked_add(border) };
+        let sizes =
+            asset.maps.iter().map(|m| Some([wider(m.cols)?, wider(m.rows)?])).collect::<Option<Vec<_>>>()?;
+        let (mut placements, mut pages) = pack(&sizes, side.checked_sub(border)?)?;
+        pages.iter_mut().flatten().for_each(|side| *side += border);
+        for (at, _) in placements.iter_mut().zip(&asset.maps).filter(|(_, map)| map.num_texels() > 0) {
+            (at.x, at.y) = (at.x + border, at.y + border);
+        }
+        Some(Self { placements, pages, border })
+    }
+
+    /// Copies texels of 3 numbers each onto pages; what no map covers is `empty`. `[page][height, width, 3]`
+    pub fn pages_from_texels<T: Copy>(&self, maps: &[AssetMap], texels: &[T], empty: T) -> Vec<Vec<T>> {
         let floats = |p: &[u16; 2]| 3 * usize::from(p[0]) * usize::from(p[1]);
-        let mut pages: Vec<Vec<T>> = self.pages.iter().map(|p| vec![T::default(); floats(p)]).collect();
+        let mut pages: Vec<Vec<T>> = self.pages.iter().map(|p| vec![empty; floats(p)]).collect();
         self.for_each_row(maps, |page, on_page, of_texels| {
             pages[page][on_page].copy_from_slice(&texels[of_texels]);
         });
         pages
+    }
+
+    /// The texels of the border around all maps, as maps of an atlas of their own, four for each; `None` if a page ends before.
+    pub fn borders(&self, maps: &[AssetMap]) -> Option<(Self, Vec<AssetMap>)> {
+        let (mut placements, mut strips, mut offset_texels) = (Vec::new(), Vec::new(), 0_u32);
+        let b = self.border;
+        let textured = maps.iter().zip(&self.placements).filter(|(map, _)| b > 0 && map.num_texels() > 0);
+        for (&AssetMap { rows, cols, .. }, &Placement { page, x, y }) in textured {
+            let (left, top) = (x.checked_sub(b)?, y.checked_sub(b)?);
+            let (right, bottom) = (x.checked_add(cols)?, y.checked_add(rows)?);
+            let [width, height] = *self.pages.get(usize::from(page))?;
+            if right.checked_add(b)? > width || bottom.checked_add(b)? > height {
+                return None;
+            }
+            let wide = cols + 2 * b;
+            for (x, y, rows, cols) in
+                [(left, top, b, wide), (left, bottom, b, wide), (left, y, rows, b), (right, y, rows, b)]
+            {
+                placements.push(Placement { page, x, y });
+                strips.push(AssetMap { offset_texels, rows, cols, ..AssetMap::default() });
+                offset_texels = offset_texels.checked_add(u32::from(rows) * u32::from(cols))?;
+            }
+        }
+        Some((Self { placements, pages: self.pages.clone(), border: 0 }, strips))
     }
 
     /// Calls `visit` with page, range of numbers on it and range among the texels, for every row of every map.
@@ -148,7 +193,7 @@ mod tests {
             assert!(side > 8 || atlas.pages.len() > 2);
             atlas.check(&asset.maps).unwrap();
             assert_eq!(atlas.first_overlap(&asset.maps), None);
-            let pages = atlas.pages_from_texels(&asset.maps, &asset.texels);
+            let pages = atlas.pages_from_texels(&asset.maps, &asset.texels, 0.0);
             let (rows, mut texels) =
                 (MapRows::new(&atlas, &asset.maps).unwrap(), vec![0.0; asset.texels.len()]);
             for (i, page) in pages.iter().enumerate() {
@@ -170,6 +215,38 @@ mod tests {
         atlas.placements[2] = Placement { page: 9, x: 0, y: 0 };
         assert!(atlas.check(&asset.maps).is_err());
         assert!(matches!(Atlas::of(&asset, 4), Err(Error::TooLarge { .. })));
+    }
+
+    #[test]
+    fn borders_around_maps_are_zero() {
+        let asset = fixture(200, 0);
+        let are_zero = |atlas: &Atlas| {
+            let (strips, maps) = atlas.borders(&asset.maps)?;
+            let pages = atlas.pages_from_texels(&asset.maps, &asset.texels, 0.0);
+            let mut sum = 0.0;
+            strips.for_each_row(&maps, |page, on_page, _| {
+                sum += pages[page][on_page].iter().map(|t| t.abs()).sum::<f32>()
+            });
+            Some(sum == 0.0)
+        };
+        let atlas = Atlas::with_border(&asset, 64).unwrap();
+        atlas.check(&asset.maps).unwrap();
+        assert_eq!((atlas.border, atlas.first_overlap(&asset.maps), are_zero(&atlas)), (1, None, Some(true)));
+        // Negative controls: a wider border, which pages do not have; another map within it; maps side by side.
+        let moved = |at: Placement| Placement { x: at.x + 1, ..at };
+        let mut near = atlas.clone();
+        let first = (0..200)
+            .find(|&i| asset.maps[i].num_texels() > 0 && atlas.placements[i].x + 9 < atlas.pages[0][0])
+            .unwrap();
+        near.placements[first] = moved(near.placements[first]);
+        assert_eq!(are_zero(&near), Some(false));
+        assert_eq!(are_zero(&Atlas { border: 2, ..atlas }), None);
+        let close = Atlas::of(&asset, 64).unwrap();
+        assert_eq!((close.border, are_zero(&Atlas { border: 1, ..close })), (0, None));
+        // A map as large as a page leaves no room.
+        let map = AssetMap { rows: 64, cols: 64, texel_sizes: [1.0; 2], ..AssetMap::default() };
+        let full = SplatAsset { maps: vec![map], texels: vec![0.5; 3 * 64 * 64], ..SplatAsset::default() };
+        assert_eq!(Atlas::with_border(&full, 64).unwrap(), Atlas::of(&full, 64).unwrap());
     }
 
     #[test]

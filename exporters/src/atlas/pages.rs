@@ -196,7 +196,7 @@ mod tests {
             ..AssetMap::default()
         };
         let at = |x, y| Placement { page: 0, x, y };
-        let atlas = Atlas { placements: vec![at(7, 2), at(39, 0)], pages: vec![[40, 17]] };
+        let atlas = Atlas { placements: vec![at(7, 2), at(39, 0)], pages: vec![[40, 17]], border: 0 };
         (atlas, vec![map(0, 3, 5), map(15, 17, 1)])
     }
 

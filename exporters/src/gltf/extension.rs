@@ -64,6 +64,9 @@ pub struct TextureExtension {
     pub sh0: Option<u32>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub atlas: Vec<Page>,
+    /// Texels of zero around each map on its page, at least; absent: 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub border: Option<u16>,
     /// How codes become texels, with pages of 8 bits.
     pub decode: Option<Decode>,
     /// A `.ltgs` file in place of all these arrays and of the metadata.

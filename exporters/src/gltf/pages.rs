@@ -23,7 +23,7 @@ pub fn read_maps(loaded: &Loaded<'_>, extension: &TextureExtension, asset: &mut 
     let Some((maps, placements)) = maps(loaded, extension, asset.num_splats())? else {
         return Ok(());
     };
-    let atlas = Atlas { placements, pages: page_sizes(loaded, extension)? };
+    let atlas = Atlas { placements, pages: page_sizes(loaded, extension)?, border: 0 };
     atlas.check(&maps).map_err(|e| e.at(loaded.path))?;
     asset.texels = texels(loaded, extension, &atlas, &maps)?;
     asset.maps = maps;

@@ -56,6 +56,7 @@ const PRIMITIVES_MAX: usize = 4;
 /// | LT1032 | the third scale is not positive and the smallest: splat viewers show no discs |
 /// | LT1033 | COLOR_0 is not the colour of degree 0 and the opacity: other viewers show wrong points |
 /// | LT1034 | the splats for other viewers are not those of the stream |
+/// | LT1035 | texels around maps are not zero as far as `border` says |
 /// | LT3001 to LT3009 | the stream: as for a `.ltgs` file |
 pub fn validate(bytes: &[u8], path: &Path) -> Vec<Issue> {
     let mut issues = Issues::default();

@@ -10,7 +10,7 @@ use super::extension::{Decode, Digest, Page, Splatting, Stream, TextureExtension
 use super::stream::{MIME_LTGS, embeds_file};
 use super::{EXTENSION, KHR, cameras, container, files};
 use crate::asset::meta::Meta;
-use crate::atlas::{Atlas, PAGE_SIDE, PAGE_SIDE_MAX, TexelDecode, encode_exr, encode_png};
+use crate::atlas::{Atlas, PAGE_SIDE, PAGE_SIDE_MAX, TexelDecode, ZERO, encode_exr, encode_png};
 use crate::fallback::shown_cameras::Cameras;
 use crate::files::staging::{SidecarFile, Staged};
 use crate::math::yup;
@@ -128,7 +128,7 @@ fn assemble(asset: &SplatAsset, options: &GltfOptions<'_>, stem: Option<&str>) -
     if embeds_file(options.quality) {
         return streamed(asset, options, stem);
     }
-    let atlas = Atlas::of(asset, options.page_side)?;
+    let atlas = Atlas::with_border(asset, options.page_side)?;
     let mut writer = Writer { stem, ..Writer::default() };
     let described = match options.quality {
         Quality::Lossless => writer.described(asset, &atlas, options.quality, Writer::lossless_pages)?,
@@ -237,6 +237,7 @@ impl Writer<'_> {
         let texel_size = has_maps.then(|| self.arrays.push(texel_sizes, used));
         let is_shifted = asset.maps.iter().any(|m| m.shift != [0; 2]);
         let shift = is_shifted.then(|| self.arrays.push(asset.maps.iter().map(|m| m.shift), used));
+        let border = (has_maps && atlas.border > 0).then_some(atlas.border);
         let (atlas, decode) = if has_maps { pages(self, asset, atlas)? } else { (Vec::new(), None) };
         let extension = TextureExtension {
             rects,
@@ -246,6 +247,7 @@ impl Writer<'_> {
             sh_degree,
             sh0,
             atlas,
+            border,
             decode,
             meta: Some(Meta::of(asset)),
             ..TextureExtension::new(quality, asset.hash())
@@ -256,7 +258,7 @@ impl Writer<'_> {
     /// Adds pages that keep texels bit for bit.
     fn lossless_pages(&mut self, asset: &SplatAsset, atlas: &Atlas) -> Result<Pages> {
         let mut pages = Vec::new();
-        for (i, texels) in atlas.pages_from_texels(&asset.maps, &asset.texels).into_iter().enumerate() {
+        for (i, texels) in atlas.pages_from_texels(&asset.maps, &asset.texels, 0.0).into_iter().enumerate() {
             let size = atlas.pages[i];
             let mut page = Page { width: size[0].into(), height: size[1].into(), ..Page::default() };
             if let Some(stem) = self.stem {
@@ -284,7 +286,7 @@ impl Writer<'_> {
         decode: TexelDecode,
     ) -> Result<Pages> {
         let mut pages = Vec::new();
-        for (i, rgb) in atlas.pages_from_texels(&asset.maps, codes).into_iter().enumerate() {
+        for (i, rgb) in atlas.pages_from_texels(&asset.maps, codes, ZERO).into_iter().enumerate() {
             let size = atlas.pages[i];
             let png = encode_png(size, &rgb)?;
             let mut image = Image { name: Some(format!("residuals {i}")), ..Image::default() };

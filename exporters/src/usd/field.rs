@@ -150,7 +150,7 @@ impl Field<'_> {
 
     /// Where the maps of `n` splats lie, not checked yet.
     pub(super) fn atlas(&self, n: usize) -> Result<Atlas> {
-        Ok(Atlas { placements: self.placements(n)?, pages: self.page_sizes()? })
+        Ok(Atlas { placements: self.placements(n)?, pages: self.page_sizes()?, border: 0 })
     }
 
     fn placements(&self, n: usize) -> Result<Vec<Placement>> {

@@ -175,12 +175,12 @@ impl Bundle {
 }
 
 fn exr_pages(asset: &SplatAsset, atlas: &Atlas) -> Result<Vec<Vec<u8>>> {
-    let pages = atlas.pages_from_texels(&asset.maps, &asset.texels);
+    let pages = atlas.pages_from_texels(&asset.maps, &asset.texels, 0.0);
     pages.iter().zip(&atlas.pages).map(|(page, &size)| atlas::encode_exr(size, page)).collect()
 }
 
 fn png_pages(asset: &SplatAsset, atlas: &Atlas, codes: &[u8]) -> Result<Vec<Vec<u8>>> {
-    let pages = atlas.pages_from_texels(&asset.maps, codes);
+    let pages = atlas.pages_from_texels(&asset.maps, codes, 0);
     pages.iter().zip(&atlas.pages).map(|(page, &size)| atlas::encode_png(size, page)).collect()
 }
 

@@ -26,6 +26,7 @@ describe.skipIf(!browserPath())('images', () => {
             '--set', 'density.start=10', '--set', 'density.interval=10', '--set', 'density.texture-start=15']);
         const out = ['tiny.ltgs', 'balanced.glb', 'tiny.glb'].map((name) => [name.split('.')[0], join(sample, name)]);
         for (const [quality, path] of out) execFileSync(LITETEX, ['-q', 'export', join(sample, 'run'), '--no-verify', '--quality', quality, '-o', path]);
+        execFileSync(LITETEX, ['-q', 'export', join(sample, 'run'), '--no-verify', '--preview', '--device', 'cpu', '-o', join(sample, 'stand-in.ltgs')]);
         browser = await BrowserTest.open('tests/browser/harness.html', [REPOSITORY, ASSETS, sample]);
     });
     afterAll(() => browser?.close());
@@ -93,6 +94,31 @@ describe.skipIf(!browserPath())('images', () => {
         expect(psnr[2]).toBeGreaterThan(15);
         for (let i = 2; i < psnr.length; i++) expect(psnr[i]).toBeGreaterThanOrEqual(psnr[i - 1] - 0.2);
         expect(psnr.at(-1)).toBe(Infinity);
+    });
+
+    test('a stand-in looks like the scene from an eighth of the bytes on, and nothing worse follows', async () => {
+        const parts = [0.02, 0.125, 0.25, 0.5, 0.75, 0.9, 0.97, 1], url = `/@fs/${join(sample, 'stand-in.ltgs')}`;
+        const psnr = await browser.page.evaluate(([of, all]) => (window as unknown as Harness).prefixes(of, 'view_0003', all), [url, parts] as const);
+        if (process.env.LITETEX_FIGURES) console.log('stand-in', psnr);
+        expect(psnr[0]).toBe(0); // nothing yet
+        expect(psnr[1]).toBeGreaterThan(24); // measured: 30.0
+        for (let i = 2; i < psnr.length; i++) expect(psnr[i]).toBeGreaterThanOrEqual(psnr[i - 1] - 0.2);
+        expect(psnr.at(-1)).toBe(Infinity);
+        // Control: without it, as readers may read the same file.
+        const plain = await browser.page.evaluate(([of, all]) => (window as unknown as Harness).prefixes(of, 'view_0003', all, false), [url, parts] as const);
+        expect(plain[1]).toBeLessThan(psnr[1] - 3);
+    });
+
+    test('the whole file shows its scene, and its stand-in where that is asked for, in both precisions', async () => {
+        const file = join(pack, 'stand-in.ltgs');
+        const expected = reference(LITETEX, file, 'wide'), small = reference(LITETEX, file, 'wide', ['--layers', '0']);
+        for (const precision of ['exact', 'fast'] as const) {
+            for (const [options, image, other] of [[{}, expected, small], [{ standIn: true }, small, expected]] as const) {
+                const shown = rgbOf(await draw(file, 'wide', { draw: { precision, ...options } }));
+                expect(compare(shown, image.rgb).psnr).toBeGreaterThan(45);
+                expect(compare(shown, other.rgb).psnr).toBeLessThan(30);
+            }
+        }
     });
 
     test('the page shows no errors', () => expect(browser.errors).toEqual([]));

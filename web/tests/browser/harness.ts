@@ -37,6 +37,7 @@ export async function draw(job: Job): Promise<Drawn> {
     await readFrom({ url: job.url }, Infinity, (message) => {
         // Room for the padded maps of a control.
         if (message.kind === 'info') renderer.start({ ...message.info, texels: 2 * message.info.texels + 64 * message.info.splats });
+        if (message.kind === 'standIn') renderer.setStandIn(message.splats);
         if (message.kind === 'update') renderer.apply(damaged(message.update, job.control));
         if (message.kind === 'failed') failure = message.message;
     });
@@ -100,7 +101,7 @@ function base64(array: Float32Array | Uint8Array): string {
 }
 
 /** PSNR of what is shown after each part of a file has arrived, against the whole file; dB, in one view. */
-export async function prefixes(url: string, view: string, parts: readonly number[]): Promise<number[]> {
+export async function prefixes(url: string, view: string, parts: readonly number[], withStandIn = true): Promise<number[]> {
     const bytes = new Uint8Array(await (await fetch(url)).arrayBuffer());
     const images: Float32Array[] = [];
     for (const part of [...parts, 1]) {
@@ -108,7 +109,8 @@ export async function prefixes(url: string, view: string, parts: readonly number
         const renderer = new SplatRenderer(canvas, { target: 'rgba32f', storage: 'full' });
         let seen = false;
         const apply = (update: SplatUpdate) => { renderer.apply(update); seen = true; };
-        await readScene(bytes.slice(0, Math.round(part * bytes.length)), { onInfo: (info) => renderer.start(info), onUpdate: apply, fileBytes: bytes.length })
+        const onStandIn = (splats: Splats) => { renderer.setStandIn(splats); seen = true; };
+        await readScene(bytes.slice(0, Math.round(part * bytes.length)), { onInfo: (info) => renderer.start(info), ...(withStandIn ? { onStandIn } : {}), onUpdate: apply, fileBytes: bytes.length })
             .catch(() => {}); // cut off
         if (renderer.info && seen) {
             const camera = renderer.info.cameras.find(({ name }) => name.startsWith(view))!;

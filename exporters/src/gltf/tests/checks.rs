@@ -86,6 +86,8 @@ fn broken_json_is_reported() {
         ("LT1024", |j| j.pointer_mut(OURS).unwrap()["atlas"][0]["bufferView"] = json!(0)),
         ("LT1025", |j| j.pointer_mut(OURS).unwrap()["meta"]["near"] = json!(0.5)),
         ("LT1025", |j| j.pointer_mut(OURS).unwrap()["decode"]["scale"] = json!(0.003)),
+        ("LT1035", |j| j.pointer_mut(OURS).unwrap()["border"] = json!(2)),
+        ("LT1035", |j| j.pointer_mut(OURS).unwrap()["border"] = json!(60_000)),
         ("LT1026", |j| {
             drop(j.pointer_mut(KHR_OBJECT).unwrap().as_object_mut().unwrap().remove("extensions"))
         }),
@@ -175,9 +177,14 @@ fn rectangles_and_texels_are_checked() {
     assert!(codes(&join(&json, half)).contains(&"LT1021"));
     let view = json.pointer(OURS).unwrap()["atlas"][0]["bufferView"].as_u64().unwrap() as usize;
     let at = json["bufferViews"][view]["byteOffset"].as_u64().unwrap() as usize;
-    let mut wild = bin.clone();
-    wild[at..at + 4].copy_from_slice(&1.5_f32.to_le_bytes());
-    assert!(codes(&join(&json, wild)).contains(&"LT1024"));
+    let page = &json.pointer(OURS).unwrap()["atlas"][0];
+    let [x, y] = [0, 2].map(|k| usize::from(u16::from_le_bytes([bin[rects + k], bin[rects + k + 1]])));
+    let first = at + 12 * (y * page["width"].as_u64().unwrap() as usize + x);
+    for (place, code) in [(first, "LT1024"), (at, "LT1035")] {
+        let mut wild = bin.clone();
+        wild[place..place + 4].copy_from_slice(&1.5_f32.to_le_bytes());
+        assert!(codes(&join(&json, wild)).contains(&code), "{code}");
+    }
     assert_eq!(codes(&join(&json, bin)), Vec::<&str>::new(), "negative control: joined again it is valid");
 }
 

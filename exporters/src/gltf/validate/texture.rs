@@ -66,7 +66,7 @@ fn check_atlas(
     };
     check_sizes(&maps, &format!("{place}/texelSize"), issues);
     let atlas = match pages::page_sizes(loaded, extension) {
-        Ok(pages) => Atlas { placements, pages },
+        Ok(pages) => Atlas { placements, pages, border: extension.border.unwrap_or(0) },
         Err(e) => return issues.error("LT1024", &pages, e.text()),
     };
     match atlas.check(&maps) {
@@ -81,8 +81,28 @@ fn check_atlas(
         Ok(texels) if !texels.iter().all(|t| (-1.0..=1.0).contains(t)) => {
             issues.error("LT1024", &pages, "texels that are not in [-1, 1]");
         }
-        Ok(_) => {}
+        Ok(_) => check_border(loaded, extension, (&atlas, &maps), &format!("{place}/border"), issues),
         Err(e) => issues.error("LT1024", &pages, e.text()),
+    }
+}
+
+/// Texels around maps must be zero as far as the border reaches.
+fn check_border(
+    loaded: &Loaded<'_>,
+    extension: &TextureExtension,
+    (atlas, maps): (&Atlas, &[AssetMap]),
+    place: &str,
+    issues: &mut Issues,
+) {
+    let Some((strips, strip_maps)) = atlas.borders(maps) else {
+        return issues.error("LT1035", place, "a map is nearer than that to the edge of its page");
+    };
+    match pages::texels(loaded, extension, &strips, &strip_maps) {
+        Ok(texels) if texels.iter().any(|t| *t != 0.0) => {
+            issues.error("LT1035", place, "texels around maps that are not zero");
+        }
+        Ok(_) => {}
+        Err(e) => issues.error("LT1035", place, e.text()),
     }
 }
 
