@@ -56,6 +56,17 @@ fn the_pack_renders_to_its_expected_pixels() {
     println!("lossless {exact:e}");
     // Needed 1.1e-6: the CPU backend computes in f32.
     assert!(exact < 1e-4, "{exact}");
+    for camera in &scene.cameras {
+        let of_view = SplatAsset { cameras: vec![camera.clone()], ..SplatAsset::default() };
+        let found = images(&mut CpuBackend::new(Some(2)).unwrap(), &scene, &of_view);
+        let png = image::open(folder().join(format!("{}.png", camera.name))).unwrap().into_rgb8();
+        let off = found
+            .iter()
+            .zip(png.as_raw())
+            .map(|(v, &code)| (255.0 * v.clamp(0.0, 1.0) - f32::from(code)).abs());
+        // Half a code is rounding.
+        assert!(off.fold(0.0, f32::max) < 1.0 && png.len() == found.len(), "{}.png", camera.name);
+    }
     for name in ["balanced.glb", "balanced.usda", "balanced.ltgs"] {
         let rounded = max_error(&read(name), &expected);
         println!("{name} {rounded:e}");

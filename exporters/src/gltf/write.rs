@@ -128,11 +128,15 @@ fn assemble(asset: &SplatAsset, options: &GltfOptions<'_>, stem: Option<&str>) -
     if embeds_file(options.quality) {
         return streamed(asset, options, stem);
     }
-    let atlas = Atlas::with_border(asset, options.page_side)?;
     let mut writer = Writer { stem, ..Writer::default() };
     let described = match options.quality {
-        Quality::Lossless => writer.described(asset, &atlas, options.quality, Writer::lossless_pages)?,
+        Quality::Lossless => {
+            // Pages as they are would grow by their borders, a twentieth of the file of small maps.
+            let atlas = Atlas::of(asset, options.page_side)?;
+            writer.described(asset, &atlas, options.quality, Writer::lossless_pages)?
+        }
         _ => {
+            let atlas = Atlas::with_border(asset, options.page_side)?;
             // Everything else in the file is made from what a reader gets.
             let decode = TexelDecode::finest(&asset.texels);
             let codes: Vec<u8> = asset.texels.iter().map(|&t| decode.code(t)).collect();

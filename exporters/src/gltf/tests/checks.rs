@@ -180,11 +180,9 @@ fn rectangles_and_texels_are_checked() {
     let page = &json.pointer(OURS).unwrap()["atlas"][0];
     let [x, y] = [0, 2].map(|k| usize::from(u16::from_le_bytes([bin[rects + k], bin[rects + k + 1]])));
     let first = at + 12 * (y * page["width"].as_u64().unwrap() as usize + x);
-    for (place, code) in [(first, "LT1024"), (at, "LT1035")] {
-        let mut wild = bin.clone();
-        wild[place..place + 4].copy_from_slice(&1.5_f32.to_le_bytes());
-        assert!(codes(&join(&json, wild)).contains(&code), "{code}");
-    }
+    let mut wild = bin.clone();
+    wild[first..first + 4].copy_from_slice(&1.5_f32.to_le_bytes());
+    assert!(codes(&join(&json, wild)).contains(&"LT1024"));
     assert_eq!(codes(&join(&json, bin)), Vec::<&str>::new(), "negative control: joined again it is valid");
 }
 
