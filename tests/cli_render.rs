@@ -137,9 +137,19 @@ fn an_asset_is_rendered_from_its_captures_cameras() {
     let settings = ["--policy", "plain", "--set", "filter=none", "--steps", "40", "--device", "cpu", "-q"];
     ok(&[&["train", &capture, "-o", &run][..], &settings].concat());
     ok(&["render", &run, "--test", "-o", &path("run-seen"), "--device", "cpu", "-q"]);
+    // The home view, as pages open.
+    let (glb, poster) = (path("scene.glb"), path("poster"));
+    ok(&["export", &run, "-o", &glb, "--no-verify", "-q"]);
+    ok(&["render", &glb, "--poster", "--size", "32", "-o", &poster, "--device", "cpu", "-q"]);
+    let jpeg = image::open(Path::new(&poster).join("poster.jpg")).unwrap().to_rgb8();
+    assert!(jpeg.dimensions() == (32, 24) && jpeg.iter().any(|&v| v > 60));
     // PLY knows neither frame nor cameras; its splats stand in the capture's frame, cameras in one of the loader.
     let ply = path("scene.ply");
     ok(&["export", &run, "-o", &ply, "--no-verify", "-q"]);
+    let nowhere = ["render", &ply, "--poster", "-o", &poster, "--force", "-q"];
+    let refused = Command::cargo_bin("litetex").unwrap().args(nowhere).output().unwrap();
+    let stderr = String::from_utf8(refused.stderr).unwrap();
+    assert!(refused.status.code() == Some(2) && stderr.contains("no home view"), "{stderr}");
     let seen = path("ply-seen");
     ok(&["render", &ply, "--capture", &capture, "--test", "-o", &seen, "--device", "cpu", "-q"]);
     for name in ["view_0000.png", "view_0008.png"] {

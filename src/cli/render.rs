@@ -3,16 +3,18 @@
 use super::colour_by::{ColourBy, Coloured};
 use super::sources::{load_layers, open_photos, say_up};
 use glam::DVec3;
-use litetex_exporters::{SplatAsset, Transform};
+use litetex_exporters::{Overview, SplatAsset, Transform};
 use litetex_gs::backend::RenderedImage;
-use litetex_gs::bake::{AssetViews, model_from_asset, set_up};
+use litetex_gs::bake::{AssetViews, camera, model_from_asset, set_up};
 use litetex_gs::camera::Camera;
 use litetex_gs::camera::orbit::orbit;
 use litetex_gs::capture::Capture;
 use litetex_gs::console::values::{ImageSize, parse_image_size, whole};
 use litetex_gs::console::{Log, Output, Table, check_free, device, path_text};
 use litetex_gs::eval::quantised;
-use litetex_gs::image::{Channels, depth_range, grey_from_depth, rgb_from_normal, write_exr, write_png};
+use litetex_gs::image::{
+    Channels, JPEG_QUALITY, depth_range, grey_from_depth, rgb_from_normal, write_exr, write_jpeg, write_png,
+};
 use litetex_gs::model::{AdamState, Model};
 use litetex_gs::run::{image_name, render_options};
 use litetex_gs::text::quoted;
@@ -21,6 +23,9 @@ use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result, usage};
 use serde_json::json;
 use std::path::{Path, PathBuf};
+
+/// File name of the poster.
+const POSTER: &str = "poster.jpg";
 
 /// Render views of a run or an asset as images
 ///
@@ -42,6 +47,9 @@ pub struct RenderArgs {
     /// Render N views on a circle around what the cameras look at
     #[arg(long, value_name = "N", group = "which", value_parser = whole::<u32>(1..=100_000))]
     orbit: Option<u32>,
+    /// Render the home view, at which pages open, as a small poster.jpg to be shown until the scene is there
+    #[arg(long, group = "which", conflicts_with_all = ["exr", "what", "colour_by", "capture"])]
+    poster: bool,
     /// Folder to write into
     #[arg(long, short, value_name = "DIR")]
     out: PathBuf,
@@ -127,7 +135,7 @@ pub fn run(args: &RenderArgs, log: &Log) -> Result<Output> {
         say_up(&scene.asset, log);
     }
     let up = DVec3::from_array(scene.asset.up_in_local());
-    let jobs = jobs(args, views.as_ref(), up)?;
+    let jobs = if args.poster { vec![poster(args, &scene.asset)?] } else { jobs(args, views.as_ref(), up)? };
     let legend = args.colour_by.and_then(|by| by.legend_path(&args.out));
     let files: Vec<PathBuf> = jobs.iter().flat_map(|job| job.files.clone()).chain(legend).collect();
     check_free(&files, args.force)?;
@@ -254,6 +262,18 @@ fn jobs(args: &RenderArgs, views: &dyn ViewSource, up: DVec3) -> Result<Vec<Job>
     Ok(test)
 }
 
+/// The home view, as a JPEG file.
+fn poster(args: &RenderArgs, asset: &SplatAsset) -> Result<Job> {
+    let Some(home) = Overview::of(asset).home else {
+        return Err(usage!(
+            "--poster: {} has no cameras, so no home view; use --orbit",
+            args.source.display()
+        ));
+    };
+    let camera = sized(&camera(&asset.cameras[home]), args.size);
+    Ok(Job { camera, files: vec![args.out.join(POSTER)] })
+}
+
 /// The camera at the size requested.
 fn sized(camera: &Camera, size: Option<ImageSize>) -> Camera {
     let p = camera.pinhole;
@@ -278,6 +298,9 @@ fn write_image(path: &Path, image: &RenderedImage, what: What) -> Result<()> {
             (Channels::Grey, grey_from_depth(&image.depth, range))
         }
     };
+    if path.ends_with(POSTER) {
+        return write_jpeg(path, image.width_px, image.height_px, &bytes, JPEG_QUALITY);
+    }
     write_png(path, image.width_px, image.height_px, channels, &bytes)
 }
 
