@@ -298,7 +298,8 @@ impl<'a> Job<'a> {
             rendering: &|| device::open(device, log),
             go_on,
         };
-        let made = stand_in::make(&file, &backends)?;
+        let max_bytes = args.max_size.filter(|_| format == Format::Ltgs);
+        let made = stand_in::make(&file, max_bytes, &backends)?;
         match &made {
             Some(made) => log.info(&format!("{}: {}", path.display(), words_of(made))),
             None if asset.colour_space != ColourSpace::SrgbRec709Display => {

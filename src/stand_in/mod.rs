@@ -92,24 +92,28 @@ pub fn bytes_for_scene(file_bytes: u64) -> u64 {
     file_bytes - most_bytes(file_bytes) - ENTRY_BYTES
 }
 
-/// Makes the stand-in of a `.ltgs` file that has none; the same file and devices give the same bytes. `None` for a file below
-/// [`SMALLEST_FILE_BYTES`] or in linear light, whose colours training does not know.
+/// Makes the stand-in of a `.ltgs` file that has none; the same file and devices give the same bytes. `max_bytes` is the size that the
+/// file with its stand-in may have, if one is wanted. `None` for a file below [`SMALLEST_FILE_BYTES`] or in linear light, whose colours
+/// training does not know.
 ///
 /// # Errors
 /// What the devices report, [`Error::Interrupted`].
-pub fn make(file: &[u8], backends: &Backends<'_>) -> Result<Option<MadeStandIn>> {
+pub fn make(file: &[u8], max_bytes: Option<u64>, backends: &Backends<'_>) -> Result<Option<MadeStandIn>> {
     let reader = Reader::open(file, Path::new(""), &ReadLimits::default())?;
     let scene = reader.decode()?.asset;
-    let file_bytes = file.len() as u64;
-    let is_small = file_bytes * FILE_SHARE / (FILE_SHARE - 1) < SMALLEST_FILE_BYTES;
-    if is_small || scene.colour_space != ColourSpace::SrgbRec709Display || scene.num_splats() == 0 {
+    let with_it = file.len() as u64 * FILE_SHARE / (FILE_SHARE - 1);
+    // Files of a wanted size may stay a little below it.
+    if max_bytes.unwrap_or(with_it) < SMALLEST_FILE_BYTES
+        || scene.colour_space != ColourSpace::SrgbRec709Display
+        || scene.num_splats() == 0
+    {
         return Ok(None);
     }
     let all = if scene.cameras.is_empty() { views_around(&scene) } else { scene.cameras.clone() };
     let views: Vec<AssetCamera> = evenly_spread(&all, VIEWS).iter().map(reduced).collect();
     let mut renderer = SceneRenderer::new((backends.rendering)()?, backends.go_on);
     let images = renderer.images(&scene, &views)?;
-    let max_bytes = most_bytes(file_bytes + file_bytes / (FILE_SHARE - 1));
+    let max_bytes = most_bytes(with_it.min(max_bytes.unwrap_or(with_it)));
     let (model, rounding) = trained(&scene, (&views, &images), max_bytes, backends)?;
     let (small, stand_in) = encoded(&scene, &model, &rounding)?;
     let compared = evenly_spread(&(0..views.len()).collect::<Vec<_>>(), COMPARED_VIEWS);
@@ -233,7 +237,7 @@ mod tests {
         // Whatever the scene takes of its bytes, the stand-in that is made for it fits the rest.
         for file_bytes in [100_000_u64, 123_457, 5_000_000] {
             let scene = bytes_for_scene(file_bytes);
-            let made = most_bytes(scene + scene / (FILE_SHARE - 1));
+            let made = most_bytes(scene * FILE_SHARE / (FILE_SHARE - 1));
             assert!(scene + made + ENTRY_BYTES <= file_bytes, "{file_bytes}");
             assert!(made > file_bytes / (FILE_SHARE + 1) || made == BYTES_MAX, "{file_bytes}: {made}");
         }

@@ -42,6 +42,7 @@ mod sensitivities;
 mod shape;
 mod splats;
 mod stand_in;
+mod stand_in_reader;
 mod steps;
 mod tables;
 mod tally;

@@ -1,0 +1,48 @@
+//! Reads the stand-in of a file.
+
+use super::read::Reader;
+use super::stand_in::StandInSize;
+use crate::asset::hash::hash_from_text;
+use crate::{Error, ReadLimits, Result, SplatAsset};
+use std::path::Path;
+use twox_hash::XxHash3_64;
+
+impl Reader<'_> {
+    /// The bytes of the stand-in, a `.ltgs` file of its own; `None` if there is none.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if they are truncated or damaged.
+    pub fn stand_in_file(&self) -> Result<Option<&[u8]>> {
+        let Some(entry) = &self.meta.stand_in else { return Ok(None) };
+        let invalid = |what: String| Error::invalid(&self.path, format!("stand-in: {what}"));
+        let end = usize::try_from(entry.bytes).ok().and_then(|bytes| self.blocks_start().checked_add(bytes));
+        let bytes = end.and_then(|end| self.bytes.get(self.blocks_start()..end));
+        let bytes =
+            bytes.ok_or_else(|| invalid(format!("{} bytes, of which some are missing", entry.bytes)))?;
+        if hash_from_text(&entry.hash) != Some(XxHash3_64::oneshot(bytes)) {
+            return Err(invalid("wrong checksum, damaged".to_owned()));
+        }
+        Ok(Some(bytes))
+    }
+
+    /// The stand-in as a scene with the metadata of this file, and its size; `None` if there is none.
+    ///
+    /// # Errors
+    /// As [`super::decode`].
+    pub fn stand_in(&self, limits: &ReadLimits) -> Result<Option<(SplatAsset, StandInSize)>> {
+        let (Some(entry), Some(bytes)) = (&self.meta.stand_in, self.stand_in_file()?) else {
+            return Ok(None);
+        };
+        let named = |error: Error| error.within("stand-in").at(&self.path);
+        let nested =
+            Reader::open(bytes, Path::new(""), &ReadLimits { layers: None, ..*limits }).map_err(named)?;
+        if nested.meta.stand_in.is_some() {
+            return Err(named(invalid!("", "has a stand-in of its own")));
+        }
+        let mut asset = nested.decode().map_err(named)?.asset;
+        self.meta.meta.clone().store(&mut asset);
+        asset.validate().map_err(named)?;
+        let splats = asset.num_splats() as u64;
+        Ok(Some((asset, StandInSize { bytes: entry.bytes, splats, until_bytes: entry.until })))
+    }
+}
