@@ -156,4 +156,12 @@ impl Camera {
     pub fn resized(&self, width_px: u32, height_px: u32) -> Self {
         Self { pinhole: self.pinhole.resized(width_px, height_px), ..*self }
     }
+
+    /// The same camera at the size whose longer side is this.
+    pub fn with_longer_side(&self, longer_side_px: u32) -> Self {
+        let Pinhole { width_px, height_px, .. } = self.pinhole;
+        let longer = f64::from(width_px.max(height_px));
+        let side = |s: u32| (f64::from(s) * f64::from(longer_side_px) / longer).round().max(1.0) as u32;
+        self.resized(side(width_px), side(height_px))
+    }
 }

@@ -15,6 +15,7 @@ pub mod console;
 pub mod constants;
 pub mod cpu;
 pub mod eval;
+mod fragments;
 pub mod frequency;
 #[cfg(feature = "gpu")]
 pub mod gpu;
@@ -39,6 +40,7 @@ pub mod verify;
 pub mod views;
 
 pub use error::{Error, NoRoom, Result};
+pub use fragments::rasterised_fragments;
 /// Files that appear whole or not at all.
 pub use litetex_exporters::atomic_file;
 pub use report::{Report, Warning};

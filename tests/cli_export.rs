@@ -350,7 +350,8 @@ fn scenes_without_cameras_are_verified_from_around_them() {
     let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
     let at = |name: &str| folder.path().join(name);
     good(&["export", text(run), "-o", text(&at("bare.ply")), "--device", "cpu"]);
-    assert!(json(&["inspect", text(&at("bare.ply"))])["cameras"].as_array().is_none_or(Vec::is_empty));
+    let bare = json(&["inspect", text(&at("bare.ply"))]);
+    assert!(bare["cameras"].as_array().is_none_or(Vec::is_empty) && bare["layers_per_pixel"].is_null());
     let made = good(&["convert", text(&at("bare.ply")), "-o", text(&at("a.glb")), "--device", "cpu"]);
     assert!(made.contains(" yes"), "{made}");
     let bare = at("bare.ply");

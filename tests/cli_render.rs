@@ -80,6 +80,18 @@ fn splats_are_coloured_by_their_maps_on_every_device() {
             }
         }
     }
+    // Counts are those of the images rendered; larger supports have more.
+    let layers = |which: &[&str]| {
+        let out = path("counted");
+        let arguments = ["render", &run, "-o", &out, "--device", "cpu", "--force", "--stats", "--json", "-q"];
+        let found: Value = serde_json::from_str(&ok(&[&arguments[..], which].concat())).unwrap();
+        found["layers_per_pixel"].clone()
+    };
+    let [tests, small] = [&["--test"][..], &["--test", "--size", "16"]].map(layers);
+    let of = |layers: &Value, name: &str| layers[name].as_f64().unwrap();
+    assert_eq!([&tests["longer_side_px"], &small["longer_side_px"], &tests["views"]], [64, 16, 2]);
+    assert!(of(&tests, "rasterised") > of(&tests, "blended") && of(&tests, "blended") > 0.5, "{tests}");
+    assert!(tests["rasterised"] != small["rasterised"], "the filter widens splats of small images");
     let sizes = classes(&ok(&[
         "render",
         &run,

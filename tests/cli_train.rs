@@ -99,6 +99,8 @@ fn a_run_writes_what_the_schema_documents() {
         ("/time/train_cpu_secs", 0.0),
         ("/time/total_wall_secs", 0.0),
         ("/fps/median", 0.0),
+        ("/layers_per_pixel/blended", 0.1),
+        ("/layers_per_pixel/share_of_largest", 0.05),
         ("/curve/2/psnr_test", 5.0),
         ("/curve/2/wall_secs", 0.0),
     ] {
@@ -110,6 +112,11 @@ fn a_run_writes_what_the_schema_documents() {
     assert_eq!((&summary["steps"], &summary["stopped_by"]), (&30.into(), &"steps".into()));
     assert_eq!(summary["quality"]["per_view"].as_array().unwrap().len(), 2);
     assert!(summary["quality"]["lpips"].is_null() && summary["quality"]["lpips_reason"].is_string());
+    let layers = &summary["layers_per_pixel"];
+    assert!(layers["rasterised"].as_f64() > layers["blended"].as_f64(), "{layers}");
+    let inspected: Value =
+        serde_json::from_str(&ok(&["inspect", &place.path("run"), "--json", "-q"])).unwrap();
+    assert_eq!(&inspected["checkpoint"]["layers_per_pixel"], layers);
     assert_eq!(pngs(&place.path("run/eval/000030")).len(), 2);
     assert_eq!(pngs(&place.path("run/eval/000030/error")).len(), 2);
     assert_eq!(pngs(&place.path("run/eval/000010")).len(), 0);

@@ -10,7 +10,7 @@ use litetex_gs::camera::up::Up;
 use litetex_gs::capture::{Capture, LoadOptions, Reason, Verdict, read_ply_points};
 use litetex_gs::console::{Log, Output, Table, path_text};
 use litetex_gs::model::Model;
-use litetex_gs::run::{Summary, Trained, find_checkpoint, is_checkpoint};
+use litetex_gs::run::{LayersPerPixel, Summary, Trained, find_checkpoint, is_checkpoint};
 use litetex_gs::text::{format_bytes, format_count, shortened};
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Result, input_file};
@@ -121,6 +121,7 @@ fn checkpoint(path: &Path) -> Result<Value> {
         "up": of_up(&trained.up),
         "scale": trained.scale_words(),
         "model": of_model(&trained.model),
+        "layers_per_pixel": LayersPerPixel::of_stored(&trained.flushed()?, &trained.cameras),
     }))
 }
 
@@ -246,6 +247,7 @@ fn asset(path: &Path, log: &Log) -> Result<Value> {
         "model": of_asset(asset),
         "background": asset.background,
         "cameras": asset.cameras.len(),
+        "layers_per_pixel": LayersPerPixel::of_stored(&model_from_asset(asset), &asset.cameras),
         "held_out": asset.cameras.iter().filter(|c| c.held_out).count(),
         "hash": format!("{:016x}", asset.hash()),
         "scale": asset.provenance.scale_words(),

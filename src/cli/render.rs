@@ -16,7 +16,7 @@ use litetex_gs::image::{
     Channels, JPEG_QUALITY, depth_range, grey_from_depth, rgb_from_normal, write_exr, write_jpeg, write_png,
 };
 use litetex_gs::model::{AdamState, Model};
-use litetex_gs::run::{image_name, render_options};
+use litetex_gs::run::{LayersPerPixel, image_name, render_options};
 use litetex_gs::text::quoted;
 use litetex_gs::verify::to_display;
 use litetex_gs::views::{Split, ViewSource};
@@ -65,6 +65,9 @@ pub struct RenderArgs {
     /// Size: WIDTHxHEIGHT or the longer side [default: as trained]
     #[arg(long, value_name = "SIZE", value_parser = parse_image_size)]
     size: Option<ImageSize>,
+    /// Also count, for these images, the splats whose support covers a pixel (rasterised) and those that are blended
+    #[arg(long)]
+    stats: bool,
     /// Write EXR in 32-bit float instead of PNG
     #[arg(long)]
     exr: bool,
@@ -145,21 +148,33 @@ pub fn run(args: &RenderArgs, log: &Log) -> Result<Output> {
     let coloured = args.colour_by.map(|by| Coloured::new(by, &model, &cameras));
     let model = coloured.as_ref().map_or(&model, |coloured| &coloured.model);
     let written = render_all(args, &jobs, &scene.asset, model, log)?;
+    let rendered: Vec<Camera> = jobs.iter().map(|job| job.camera).collect();
+    let layers = args.stats.then(|| LayersPerPixel::of(model, &rendered)).flatten();
     let mut table = Table::default();
     table.row("scene", scene.path.display());
     table.row("images", format!("{written} in {}", args.out.display()));
+    if let Some(layers) = &layers {
+        table.row("layers per pixel", layers.words());
+        table.row(
+            "share of the largest 5 %",
+            format!("{:.0} % of the rasterised", 100.0 * layers.share_of_largest),
+        );
+    }
     if let Some(coloured) = &coloured {
         if let Some(path) = coloured.write_legend(&args.out)? {
             table.row("legend", path.display());
         }
         coloured.add_rows(&mut table);
     }
-    let found = json!({
+    let mut found = json!({
         "scene": path_text(&scene.path),
         "out": path_text(&args.out),
         "images": written,
         "files": files.iter().map(|file| path_text(file)).collect::<Vec<_>>(),
     });
+    if let Some(layers) = layers {
+        found["layers_per_pixel"] = json!(layers);
+    }
     Ok(Output::new("litetex-render/1", found, table))
 }
 
@@ -276,15 +291,10 @@ fn poster(args: &RenderArgs, asset: &SplatAsset) -> Result<Job> {
 
 /// The camera at the size requested.
 fn sized(camera: &Camera, size: Option<ImageSize>) -> Camera {
-    let p = camera.pinhole;
     match size {
         None => *camera,
         Some(ImageSize::Exact(w, h)) => camera.resized(w, h),
-        Some(ImageSize::Longer(px)) => {
-            let longer = f64::from(p.width_px.max(p.height_px));
-            let side = |s: u32| (f64::from(s) * f64::from(px) / longer).round().max(1.0) as u32;
-            camera.resized(side(p.width_px), side(p.height_px))
-        }
+        Some(ImageSize::Longer(px)) => camera.with_longer_side(px),
     }
 }
 

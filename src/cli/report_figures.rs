@@ -118,6 +118,9 @@ pub fn facts(trained: &Trained, capture: Option<&Capture>) -> Vec<(&'static str,
             add("test SSIM (3DGS / valid)", format!("{:.4} / {:.4}", figures.ssim_3dgs, figures.ssim_valid));
             add("test FLIP", format!("{:.4}", figures.flip));
         }
+        if let Some(layers) = &summary.layers_per_pixel {
+            add("layers per pixel", layers.words());
+        }
         add("trained with", format!("litetex {}", summary.version));
     }
     add("up", trained.up.words());

@@ -22,6 +22,9 @@ pub fn output(s: &Summary) -> Output {
     table.row("splats", format_count(s.size.splats as u64));
     table.row("texels", format_count(s.size.texels as u64));
     table.row("parameters", format_count(s.size.params as u64));
+    if let Some(layers) = &s.layers_per_pixel {
+        table.row("layers per pixel", layers.words());
+    }
     let by = match s.growth.ended_by {
         Some(EndOfGrowth::Need) => Some("by need"),
         Some(EndOfGrowth::Device) => Some("at what the device holds"),

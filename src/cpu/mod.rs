@@ -9,6 +9,7 @@ mod backend;
 mod block;
 mod bounds;
 mod exposure;
+mod fragments;
 mod geometry;
 mod loss;
 mod maps;
@@ -27,4 +28,5 @@ mod update;
 mod view;
 
 pub use backend::{CpuBackend, PairCoverage};
+pub use fragments::blended_fragments;
 pub use simd::SimdLevel;

@@ -85,6 +85,11 @@ impl ViewPipeline {
         });
     }
 
+    /// Takes the maps off the projected splats, where colours do not matter.
+    pub(super) fn without_maps(&mut self) {
+        self.splats.iter_mut().for_each(|splat| (splat.map.rows, splat.map.cols) = (0, 0));
+    }
+
     fn tile_input(&self, tile: usize, view: &ViewF32) -> TileInput<'_> {
         TileInput {
             splats: &self.splats,

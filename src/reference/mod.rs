@@ -5,6 +5,7 @@
 mod adam;
 mod bounds;
 mod exposure;
+mod fragments;
 mod geometry;
 mod loss;
 mod params;
@@ -18,6 +19,7 @@ mod sh;
 pub use adam::{adam_dense, adam_skipped, map_rate};
 pub use bounds::{PixelBounds, pixel_bounds};
 pub use exposure::{exposure_bwd, exposure_fwd};
+pub use fragments::{Fragments, fragments};
 pub use geometry::{GeometryCoefficients, GeometryLoss, geometry_loss, surface_normals};
 pub use loss::{ImageLoss, image_loss};
 pub use params::Params;

@@ -11,6 +11,7 @@ mod folder;
 #[cfg(test)]
 mod folder_tests;
 mod init_source;
+mod layers;
 mod outcome;
 mod outlying;
 mod process;
@@ -39,6 +40,7 @@ pub use folder::{
     holds_checkpoint, is_checkpoint, is_run, run_of_checkpoint,
 };
 pub use init_source::InitSource;
+pub use layers::LayersPerPixel;
 pub use process::{End, Process, Stop, without_mark};
 pub use profile::Profile;
 pub use purpose::Purpose;

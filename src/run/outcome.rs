@@ -1,11 +1,13 @@
 //! The end of a training: what remains to be measured, and its summary.
 
+use super::layers::LayersPerPixel;
 use super::recorder::{Recorder, UNCOVERED_MIN_STEPS, reason_name};
 use super::summary::{
     CaptureFigures, DiskBytes, Fps, GrowthFigures, Resumed, SCHEMA, Size, Summary, TestFigures, Times,
 };
 use super::trained::render_options;
 use crate::backend::{Backend, RenderOptions};
+use crate::bake::asset_cameras;
 use crate::capture::Capture;
 use crate::eval::uncovered_share;
 use crate::memory::process_bytes;
@@ -86,6 +88,13 @@ impl Recorder<'_> {
             },
         };
         let memory_peak_bytes = process_bytes().map(|(_, peak)| peak);
+        let layers_per_pixel = match reason {
+            StopReason::Consumer => None,
+            _ => match backend.read_flushed() {
+                Err(Error::DeviceFull(_)) => None,
+                model => LayersPerPixel::of_stored(&model?, &asset_cameras(capture)),
+            },
+        };
         let disk = match reason {
             StopReason::Consumer => None,
             _ => disk_bytes(backend, state)?,
@@ -118,6 +127,7 @@ impl Recorder<'_> {
                 params_published: state.model.size().params_published(),
                 disk,
             },
+            layers_per_pixel,
             growth: GrowthFigures::new(&state.growth, &state.device, state.step, schedule.densify_until),
             pruned: state.history.pruned.clone(),
             fps,

@@ -97,6 +97,7 @@ impl Profile {
             sh_raise: 0.0,
             grow_by_axis: 0.0,
             prune_db: 0.0,
+            price_fragments: 0.0,
             ..DensityConfig::default()
         };
         match self {
@@ -154,7 +155,7 @@ mod tests {
             let density = density(profile);
             let ours =
                 [density.sh_below, density.sh_raise, density.grow_by_axis, density.prune_db, density.need_db];
-            assert_eq!(ours, [0.0; 5]);
+            assert_eq!((ours, density.price_fragments), ([0.0; 5], 0.0));
             let TrainConfig { sweep, backdrop, filter, rates, .. } = config(profile);
             assert_eq!((sweep, backdrop, filter), (false, Backdrop::None, Filter::None));
             assert_eq!(rates, RateConfig::published());

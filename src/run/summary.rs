@@ -1,6 +1,7 @@
 //! `summary.json`: the result of a run in one object, documented in `docs/summary-schema.md`. Other programs rely on
 //! its names; a change of meaning raises the number in `SCHEMA`.
 
+use super::layers::LayersPerPixel;
 use super::profile::Profile;
 use crate::backend::DeviceInfo;
 use crate::eval::Evaluation;
@@ -61,6 +62,8 @@ pub struct Summary {
     pub quality: Option<TestFigures>,
     /// Size of the model.
     pub size: Size,
+    /// Layers per pixel over the scene's cameras; null after an interruption.
+    pub layers_per_pixel: Option<LayersPerPixel>,
     /// The end of growth.
     pub growth: GrowthFigures,
     /// Rounds of pruning after growth.

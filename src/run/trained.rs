@@ -8,6 +8,7 @@ use crate::backend::{Backend, RenderOptions};
 use crate::bake::{asset_cameras, set_up};
 use crate::camera::up::Up;
 use crate::capture::Capture;
+use crate::cpu::CpuBackend;
 use crate::model::{AdamState, Model};
 use crate::rounding::Quantisation;
 use crate::train::checkpoint;
@@ -77,6 +78,16 @@ impl Trained {
             metric,
             scale,
         })
+    }
+
+    /// The scene without pending updates.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if threads cannot be started.
+    pub fn flushed(&self) -> Result<Model> {
+        let mut backend = CpuBackend::new(Some(rayon::current_num_threads()))?;
+        backend.upload(&self.model, &self.adam)?;
+        backend.read_flushed()
     }
 
     /// How the views of the run are rendered, on its background.

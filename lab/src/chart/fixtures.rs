@@ -19,6 +19,7 @@ pub fn record(cell: usize, (scene, variant, budget): (&str, &str, &str), seed: u
             "device": { "name": "cpu" },
             "quality": { "psnr": psnr, "grad_psnr": psnr + 8.0, "ssim_3dgs": psnr / 40.0, "flip": 1.0 / psnr },
             "size": { "splats": 10_000, "sh_coefficients": 160_000, "texels": params - 590_000, "params": params, "disk": { "ltgs_tiny": params } },
+            "layers_per_pixel": { "rasterised": if variant.contains("plain") { 50.0 } else { 40.0 }, "blended": 30.0 },
             "time": { "train_cpu_secs": secs, "train_wall_secs": 0.6 * secs },
             "curve": [point(100), point(200), point(300)],
         },

@@ -68,6 +68,23 @@ impl Measure {
         ]
     }
 
+    /// Layers per pixel, if any run reports them.
+    pub fn layers_of(runs: &[Record]) -> Vec<Self> {
+        let of = |id: &str, name: &str| {
+            let cost = Self::cost(
+                &format!("{id}_layers"),
+                name,
+                "per pixel",
+                &format!("/layers_per_pixel/{id}"),
+                Quantity::Plain,
+            );
+            Self { digits: 1, ..cost }
+        };
+        let mut found = vec![of("rasterised", "Layers rasterised"), of("blended", "Layers blended")];
+        found.retain(|measure| runs.iter().any(|run| run.number(&measure.pointer).is_some()));
+        found
+    }
+
     /// Training time; points of curves have it under its identifier.
     pub fn training_time(is_cpu_time: bool) -> Self {
         let (id, unit) =

@@ -32,7 +32,7 @@ pub fn sections(study: &Study) -> Vec<Section> {
 
 fn quality_by_cost(study: &Study, scene: &str, slug: &str) -> Section {
     let mut charts = Vec::new();
-    for cost in [&study.time, &study.params].into_iter().chain(&study.bytes) {
+    for cost in [&study.time, &study.params].into_iter().chain(&study.bytes).chain(&study.layers) {
         for quality in &study.qualities[..2] {
             let mut series: Vec<Series> =
                 study.variants.iter().filter_map(|v| cost_series(study, scene, v, cost, quality)).collect();
@@ -265,6 +265,8 @@ mod tests {
             "fox-psnr-cpu-secs",
             "fox-grad-psnr-params",
             "fox-psnr-ltgs-tiny",
+            "fox-psnr-rasterised-layers",
+            "fox-grad-psnr-blended-layers",
             "fox-psnr-over-time-300-steps",
             "b-grad-psnr-over-steps-300-steps",
             "paired-psnr",
@@ -273,6 +275,17 @@ mod tests {
             assert!(ids.contains(&id), "{id}: {ids:?}");
         }
         assert!(charts.iter().all(|c| c.draw().is_some()));
+    }
+
+    #[test]
+    fn runs_that_count_no_layers_have_no_charts_of_them() {
+        let mut all = records();
+        for run in &mut all {
+            run.summary.as_mut().and_then(|s| s.as_object_mut()).unwrap().remove("layers_per_pixel");
+        }
+        let without = charts(all, &Options::default());
+        assert!(ids(&without).contains(&"fox-psnr-params"));
+        assert!(ids(&without).iter().all(|id| !id.contains("layers")));
     }
 
     #[test]

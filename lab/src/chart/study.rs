@@ -75,6 +75,8 @@ pub struct Study {
     /// Splats and texels.
     pub counts: Vec<Measure>,
     pub params: Measure,
+    /// Layers per pixel, rasterised and blended, if the runs report them.
+    pub layers: Vec<Measure>,
     /// Sizes on disk, as far as the runs report them.
     pub bytes: Vec<Measure>,
     /// Training time by the chosen clock.
@@ -125,6 +127,7 @@ impl Study {
                 count("sh_coefficients", "SH coefficients"),
             ],
             params: count("params", "Parameters"),
+            layers: Measure::layers_of(&runs),
             bytes: bytes_of(&runs),
             time,
             report,

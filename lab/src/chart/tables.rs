@@ -58,7 +58,7 @@ fn head(measure: &Measure) -> String {
 
 /// Means over the seeds, of these sizes in bytes among others.
 pub fn results(study: &Study, bytes: &[Measure]) -> Table {
-    let costs = study.counts.iter().chain([&study.params, &study.time]).chain(bytes);
+    let costs = study.counts.iter().chain([&study.params, &study.time]).chain(bytes).chain(&study.layers);
     let measures: Vec<&Measure> = study.qualities.iter().chain(costs).collect();
     let mut columns = group_columns();
     columns.push(Column::numbers("Runs", &["runs", "failed"]));
@@ -115,7 +115,7 @@ fn paired(study: &Study) -> Table {
     ];
     let mut rows = Vec::new();
     for variant in study.others() {
-        for measure in study.qualities.iter().chain([&study.params, &study.time]) {
+        for measure in study.qualities.iter().chain([&study.params, &study.time]).chain(&study.layers) {
             for scope in Scope::all(study) {
                 if let Scope::SceneBudget(scene, budget) = scope
                     && study.group(scene, variant, budget).runs.is_empty()
@@ -179,7 +179,7 @@ fn failures(study: &Study) -> Table {
 }
 
 fn runs(study: &Study) -> Table {
-    let costs = study.counts.iter().chain([&study.params]).chain(&study.bytes);
+    let costs = study.counts.iter().chain([&study.params]).chain(&study.bytes).chain(&study.layers);
     let measures = study.qualities.iter().chain(costs).map(|m| (&*m.id, &*m.pointer));
     let figures: Vec<(&str, &str)> = measures
         .chain([

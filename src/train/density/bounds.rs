@@ -20,6 +20,7 @@ impl DensityConfig {
             ("sh-raise", self.sh_raise, 0.0, 1e3, true),
             ("need-db", self.need_db, 0.0, 100.0, true),
             ("prune-db", self.prune_db, 0.0, 100.0, true),
+            ("price-fragments", self.price_fragments, 0.0, 1e3, true),
             ("overshoot", self.overshoot, 1.0, 1e3, true),
             ("floor-db", self.floor_db, 0.0, 200.0, true),
             ("grow-by-axis", self.grow_by_axis, 0.0, 1e6, true),

@@ -71,6 +71,9 @@ pub struct DensityConfig {
     /// Pruning takes the last 10 % of the parameters where that costs the training views less than this, dB of PSNR; 0: no
     /// pruning after growth (the paper). Default 0.05 (method 6.15).
     pub prune_db: f64,
+    /// What all rasterised fragments together count in pruning after growth, over what the charge of the model counts; 0: nothing
+    /// (default; method 6.15; not in the paper).
+    pub price_fragments: f64,
     /// PSNR of the training views that is good enough, dB: its error is added to that of the model in the threshold of
     /// pruning. Default 40 (method 6.15).
     pub floor_db: f64,
@@ -123,6 +126,7 @@ impl Default for DensityConfig {
             texture_start: 1_000,
             need_db: 0.0,
             prune_db: 0.05,
+            price_fragments: 0.0,
             floor_db: 40.0,
             merge: true,
             overshoot: 2.5,

@@ -16,7 +16,7 @@ pub(super) struct Cut<'a> {
     pub offers: &'a Offers<'a>,
     /// Whether each splat may be removed.
     pub may_go: &'a [bool],
-    /// Threshold, squared error per unit of the charge.
+    /// Threshold, squared error per unit of the price.
     pub threshold: f64,
     /// Views on which every attempt is checked.
     pub checked: &'a [usize],
@@ -34,6 +34,8 @@ struct Attempt {
     plan: DensityPlan,
     /// Rise of the error of the views checked; `None` if nothing was taken, or everything.
     rise: Option<f64>,
+    /// How far it may rise for what was taken.
+    allowed: f64,
     is_cheap: bool,
 }
 
@@ -77,7 +79,7 @@ impl Round {
             backend.restore(before)?;
             attempt = self.attempt(backend, training, cut, &thresholds, slack)?;
         }
-        let Attempt { mut outcome, plan, rise, mut is_cheap } = attempt;
+        let Attempt { mut outcome, plan, rise, allowed, mut is_cheap } = attempt;
         let Some(rise) = rise else { return Ok(None) };
         if is_cheap && !more.is_empty() {
             let share = more.len() as f64 / (checked.len() + more.len()) as f64;
@@ -85,7 +87,7 @@ impl Round {
             let [error, rise] = [[error, error_of_more], [rise, rise_of_more]]
                 .map(|[checked, more]| checked + share * (more - checked));
             outcome.measured_db = db(rise, error);
-            is_cheap = rise <= outcome.allowed(threshold, slack);
+            is_cheap = rise <= allowed.max(slack);
         }
         // A budget must be met, whatever the views say.
         if is_cheap || self.is_bounded() {
@@ -111,13 +113,13 @@ impl Round {
         let (mut outcome, plan) = planned(cut.offers.model(), &accepted);
         // A model without splats could not be trained any further.
         if outcome.params == outcome.params_before || plan.sources.is_empty() {
-            return Ok(Attempt { outcome, plan, rise: None, is_cheap: false });
+            return Ok(Attempt { outcome, plan, rise: None, allowed: 0.0, is_cheap: false });
         }
         backend.apply_plan(&plan)?;
         let rise = self.error(backend, training, cut.checked)? - cut.error;
         (outcome.step, outcome.predicted_db, outcome.measured_db) =
             (self.step, db(predicted, cut.error), db(rise, cut.error));
-        let is_cheap = rise <= outcome.allowed(cut.threshold, slack);
-        Ok(Attempt { outcome, plan, rise: Some(rise), is_cheap })
+        let allowed = cut.threshold * accepted.iter().flatten().map(|offer| offer.price).sum::<f64>();
+        Ok(Attempt { outcome, plan, rise: Some(rise), allowed, is_cheap: rise <= allowed.max(slack) })
     }
 }

@@ -6,6 +6,7 @@ mod costs;
 mod cut;
 mod merge;
 mod offers;
+mod prices;
 mod round;
 mod run;
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! What each splat could do without, and what that would cost.
 
 use super::costs::SplatCosts;
+use super::prices::Prices;
 use crate::backend::{AXES, Costs, Grid, MapChange, depths};
 use crate::constants::sh_coefficients;
 use crate::model::{Coarsening, Model, ModelSize};
@@ -13,7 +14,7 @@ const SEEN_MIN: u32 = 4;
 /// Kinds of offers: removal, SH bands and texels.
 pub const KINDS: usize = 3;
 
-/// Mean squared error per unit of the charge below which offers are taken, by their kind: 0 for kinds that are not taken.
+/// Mean squared error per unit of the price below which offers are taken, by their kind: 0 for kinds that are not taken.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Thresholds([f64; KINDS]);
 
@@ -55,6 +56,8 @@ pub struct Accepted {
     pub params: usize,
     /// What it saves of the charge.
     pub charge: f64,
+    /// What it saves of the price.
+    pub price: f64,
     /// Mean squared change of the images.
     pub cost: f64,
 }
@@ -67,6 +70,7 @@ pub struct Offers<'a> {
     seen_min: u32,
     keeps_maps: bool,
     charge: Charge,
+    prices: Prices,
 }
 
 impl<'a> Offers<'a> {
@@ -79,12 +83,18 @@ impl<'a> Offers<'a> {
         keeps_maps: bool,
     ) -> Self {
         let seen_min = if is_sample { SEEN_MIN } else { 0 };
-        Self { model, costs, probes, seen_min, keeps_maps, charge: Charge::PARAMS }
+        Self { model, costs, probes, seen_min, keeps_maps, charge: Charge::PARAMS, prices: Prices::NONE }
     }
 
     /// These, charged for something else than parameters.
     pub fn with_charge(self, charge: Charge) -> Self {
         Self { charge, ..self }
+    }
+
+    /// These, whose rasterised fragments, per pixel of a view, count together `price` times as much as the charge of the model.
+    pub fn with_fragments(self, price: f64, fragments: Vec<f64>) -> Self {
+        let prices = Prices::new(price, self.charge.of_model(self.model), fragments);
+        Self { prices, ..self }
     }
 
     /// The model as it was probed.
@@ -113,6 +123,7 @@ impl<'a> Offers<'a> {
             kept: Some(Kept { degree: held, map: MapChange::Keep, texels: map.num_texels() }),
             params: 0,
             charge: 0.0,
+            price: 0.0,
             cost: 0.0,
         };
         let mut saved = 0.0;
@@ -120,7 +131,8 @@ impl<'a> Offers<'a> {
         let by_degree = (0..held).map(|degree| {
             let [kept, all] = [degree, held].map(|degree| sh_coefficients(degree.into()));
             let cost = costs.degrees[usize::from(degree)] / probes;
-            (degree, all - kept, cost, by_bands * self.charge.of_coefficients(all - kept) - cost)
+            let price = self.prices.of_charge(self.charge.of_coefficients(all - kept));
+            (degree, all - kept, cost, by_bands * price - cost)
         });
         let kept = best.kept.as_mut()?;
         if let Some((degree, coefficients, cost, gain)) = by_degree.max_by(|a, b| a.3.total_cmp(&b.3))
@@ -129,10 +141,11 @@ impl<'a> Offers<'a> {
             kept.degree = degree;
             best.params += 3 * coefficients;
             best.charge += self.charge.of_coefficients(coefficients);
+            best.price += self.prices.of_charge(self.charge.of_coefficients(coefficients));
             best.cost += cost;
             saved += gain;
         }
-        let gain = |offer: &Accepted, threshold: f64| threshold * offer.charge - offer.cost;
+        let gain = |offer: &Accepted, threshold: f64| threshold * offer.price - offer.cost;
         let by_map = (map.rows > 0 && !self.keeps_maps)
             .then(|| self.map_offers(splat, by_texels))
             .into_iter()
@@ -145,13 +158,16 @@ impl<'a> Offers<'a> {
             (kept.map, kept.texels) = (smaller.map, smaller.texels);
             best.params += offer.params;
             best.charge += offer.charge;
+            best.price += offer.price;
             best.cost += offer.cost;
             saved += gain(&offer, by_texels);
         }
+        let charge = self.charge.of(held, map.num_texels());
         let removal = Accepted {
             kept: None,
             params: params_of(held, map.num_texels()),
-            charge: self.charge.of(held, map.num_texels()),
+            charge,
+            price: self.prices.of_removal(splat, charge),
             cost: costs.removal / probes,
         };
         if may_go && gain(&removal, by_removal) > saved {
@@ -186,8 +202,8 @@ impl<'a> Offers<'a> {
             let mut best = (0.0, None);
             for (axis, end) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
                 for (depth, cost) in depths(held[axis]).into_iter().zip(costs.crops[axis][end]) {
-                    let charge = self.charge.of_texels(depth * left[1 - axis]);
-                    let gain = threshold * charge - cost / probes;
+                    let price = self.prices.of_charge(self.charge.of_texels(depth * left[1 - axis]));
+                    let gain = threshold * price - cost / probes;
                     if off[axis][end] == 0 && depth < left[axis] && gain > best.0 {
                         best = (gain, Some((axis, end, depth, cost)));
                     }
@@ -206,10 +222,12 @@ impl<'a> Offers<'a> {
         let map = &self.model.textures.maps[splat];
         let degree = self.model.splats.sh_degrees()[splat];
         let texels = change.applied_to(map).num_texels();
+        let charge = self.charge.of(degree, map.num_texels()) - self.charge.of(degree, texels);
         Accepted {
             kept: Some(Kept { degree, map: change, texels }),
             params: params_of(degree, map.num_texels()) - params_of(degree, texels),
-            charge: self.charge.of(degree, map.num_texels()) - self.charge.of(degree, texels),
+            charge,
+            price: self.prices.of_charge(charge),
             cost: cost / f64::from(self.probes.max(1)),
         }
     }

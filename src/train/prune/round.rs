@@ -67,6 +67,8 @@ pub struct Round {
     pub budget: Option<usize>,
     /// Bytes of the file, as [`Charge::BYTES`] counts them, to which it must come down likewise, if the file has a wanted size.
     pub max_bytes: Option<f64>,
+    /// How much all rasterised fragments together count, over what the charge of the model counts.
+    pub price_fragments: f64,
     /// Whether a model within its budget is pruned by [`Self::prune_db`].
     pub by_need: bool,
     /// Rounds to come, with this one.
@@ -110,13 +112,6 @@ pub struct Pruned {
     pub measured_db: f64,
 }
 
-impl Pruned {
-    /// How far the mean squared error may rise for it at this threshold; at least by `slack`.
-    pub fn allowed(&self, threshold: f64, slack: f64) -> f64 {
-        (threshold * (self.params_before - self.params) as f64).max(slack)
-    }
-}
-
 /// The training views and their photos.
 pub struct TrainingViews<'a> {
     pub views: &'a dyn ViewSource,
@@ -145,6 +140,7 @@ impl Round {
             floor: 10.0_f64.powf(-density.floor_db / 10.0),
             budget: config.most_params(),
             max_bytes: None,
+            price_fragments: density.price_fragments,
             by_need: density.need_db > 0.0,
             rounds_left: schedule.rounds_left(step),
             step,

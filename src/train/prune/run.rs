@@ -7,6 +7,7 @@ use super::offers::Offers;
 use super::round::{Pruned, Round, TrainingViews, db};
 use crate::backend::{Backend, Probe, SavedState, probed};
 use crate::camera::Camera;
+use crate::fragments::rasterised_fragments;
 use crate::model::Model;
 use crate::train::density::SplatHistory;
 use crate::train::schedule::MOST_PROBES;
@@ -139,7 +140,14 @@ impl Round {
         let costs = backend.probe(&mut probes)?;
         let is_sample = views.len() < order.len();
         let offers = Offers::new(probed, (costs, views.len() as u32), is_sample, self.keeps_maps);
-        Ok(offers.with_charge(self.charge()))
+        let offers = offers.with_charge(self.charge());
+        if self.price_fragments == 0.0 {
+            return Ok(offers);
+        }
+        // On the host, so that all backends decide alike.
+        let camera = |&view: &usize| smaller(&training.targets.camera(training.views, view));
+        let cameras: Vec<Camera> = views.iter().map(camera).collect();
+        Ok(offers.with_fragments(self.price_fragments, rasterised_fragments(probed, &cameras)))
     }
 }
 

@@ -185,6 +185,33 @@ fn crops_cost_what_is_predicted() {
 }
 
 #[test]
+fn prices_weigh_fragments_beside_parameters() {
+    let scene = scene(1.5);
+    let charge = Charge::PARAMS.of_model(&scene.model);
+    // All cost the same to remove, and those of even index cover the image.
+    let costs = vec![Costs { seen: 1, removal: 1e-3, degrees: [1.0; 3], ..Costs::default() }; 40];
+    let fragments: Vec<f64> = (0..40).map(|splat| f64::from(u8::from(splat % 2 == 0))).collect();
+    let removed = |price: f64, fragments: Vec<f64>| {
+        let offers =
+            Offers::new(&scene.model, (costs.clone(), 1), false, true).with_fragments(price, fragments);
+        let all = vec![true; 40];
+        let removal = |threshold: f64| accept(&offers, &all, &Thresholds::all(threshold).only(0));
+        let total: f64 = removal(1.0).iter().flatten().map(|offer| offer.price).sum();
+        assert!((total / charge - 1.0).abs() < 1e-12, "{total}, not {charge}");
+        let threshold = threshold_for(&offers, &all, &Excess { params: charge as usize / 4, charge: 0.0 });
+        let removed = removal(threshold);
+        let even = removed.iter().step_by(2).flatten().count();
+        (even, removed.iter().flatten().count())
+    };
+    let (even, all) = removed(10.0, fragments.clone());
+    assert!(even == all && all > 3, "{even} of {all}");
+    // Negative controls: no price, fragments of all splats alike, and of none.
+    let unpriced = removed(0.0, fragments);
+    assert!(unpriced.0 < unpriced.1, "{unpriced:?}");
+    assert_eq!([removed(10.0, vec![1.0; 40]), removed(10.0, vec![0.0; 40])], [unpriced; 2]);
+}
+
+#[test]
 fn trials_of_merges_take_a_fiftieth_of_long_runs() {
     // 4 rounds of 3 trainings, and 2 of 3.
     assert_eq!([trial_steps(30_000, 4), trial_steps(6_000, 2)], [50, 20]);
