@@ -57,7 +57,7 @@ export interface FrameFigures {
 /** Phones have more pixels than anybody sees; each costs dozens of fragments. */
 const MAX_PIXEL_RATIO = 2;
 const TURNING_MS = 350;
-/** Half of the size in which stand-ins are trained is that of scenes they look like. */
+/** Scenes of this radius and less are drawn as their stand-in while the camera moves. Measured at 128 pixels: 28 to 31 dB. */
 const FAR_RADIUS_PX = 64;
 
 /** A file to read, and how. */
