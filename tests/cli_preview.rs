@@ -104,7 +104,7 @@ fn what_cannot_have_a_stand_in_is_written_without_one_and_says_so() {
 
 #[test]
 fn a_run_of_a_wanted_size_leaves_room_for_the_stand_in() {
-    let place = Place::new("60", &["--max-size", "100kB", "--preview"]);
+    let place = Place::new("60", &["--max-size", "100kB", "--set", "preview=true"]);
     let found = place.inspect("run/scene.ltgs");
     assert!(place.bytes("run/scene.ltgs") <= 100_000, "{found}");
     assert!(found["stand_in"]["bytes"].as_u64().unwrap() > 7_000, "{found}");

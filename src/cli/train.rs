@@ -51,7 +51,7 @@ pub fn run(mut args: TrainArgs, nth: Option<usize>, log: &Log) -> Result<Output>
     if finished.is_some() {
         exports.retain(|file| !file.exists());
     }
-    let asset = AssetArgs { force: args.force, preview: args.training.preview, ..AssetArgs::default() };
+    let asset = AssetArgs { force: args.force, ..AssetArgs::default() };
     // Before hours of training, not after.
     outputs::check(None, &exports, &asset)?;
     let FinishedRun { summary, run, live } = finished.map_or_else(|| train_run(&args, log), Ok)?;
@@ -61,6 +61,7 @@ pub fn run(mut args: TrainArgs, nth: Option<usize>, log: &Log) -> Result<Output>
     }
     if !exports.is_empty() {
         let (scene, trained) = load_scene(&run, log)?;
+        let asset = AssetArgs { preview: RunConfig::read(&run.join("config.toml"))?.preview, ..asset };
         let written =
             export_files::write_all((scene, trained.as_ref()), &exports, &asset, &args.device, log)?;
         for file in written.files_for_origin(&exports) {

@@ -114,9 +114,6 @@ pub struct TrainingArgs {
     /// rounded numbers
     #[arg(long, value_name = "SIZE", value_parser = parse_bytes, help_heading = "Budget")]
     pub max_size: Option<u64>,
-    /// Put a stand-in first in the .ltgs files that the run writes: a small scene that is shown while little of them has arrived
-    #[arg(long, help_heading = "Budget")]
-    pub preview: bool,
     /// End growth, and prune, where 10 % of the parameters improve the training views by less than this, dB of PSNR; 0: neither
     #[arg(long, value_name = "DB", value_parser = parse_decibels, help_heading = "Budget")]
     pub need: Option<f64>,
@@ -199,7 +196,6 @@ impl TrainArgs {
             // Unless given, it follows from the size.
             config.train.budget.max_params = None;
         }
-        config.preview |= t.preview;
         set_some(&mut config.train.budget.max_params, &t.budget_params);
         set(&mut config.train.steps, t.steps);
         if t.steps.is_some() || self.set_length().is_some() {
