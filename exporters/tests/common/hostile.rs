@@ -305,6 +305,18 @@ fn ltgs_files(add: Add<'_>) {
     add("huge_count_of_chunks.ltgs", Invalid, too_many);
     add("cut_off_behind_a_layer.ltgs", Invalid, layered[..number(&layered, layer_at(1) - 84)].to_vec());
     add("damaged_chunk.ltgs", Invalid, put(&bytes, length - 9, &[bytes[length - 9] ^ 1]));
+    let with_stand_in = |file: &[u8]| {
+        let stand_in = Some(ltgs::StandIn { file, until_bytes: 9 });
+        let options = ltgs::LtgsOptions { quality: Quality::Tiny, stand_in, ..ltgs::LtgsOptions::default() };
+        ltgs::encode(&small_scene(), &options).expect("written")
+    };
+    let small = file(&scene(2, 0), Quality::Tiny);
+    let with = with_stand_in(&small);
+    let at = 64 + number(&with, 28) + 112 + small.len() / 2;
+    add("damaged_stand_in.ltgs", Invalid, put(&with, at, &[with[at] ^ 1]));
+    add("stand_in_of_a_stand_in.ltgs", Invalid, with_stand_in(&with));
+    add("stand_in_that_is_none.ltgs", Invalid, with_stand_in(b"not a file of splats"));
+    add("stand_in.ltgs", Reads, with);
 }
 
 fn html_files(add: Add<'_>) {
