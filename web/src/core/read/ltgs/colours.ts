@@ -13,7 +13,7 @@ const LENGTHS = 33;
 export function readColours(block: Block, own: Steppers, corners: Float64Array, steps: Steps): Float32Array {
     const { classes, factors } = own;
     const count = classes.length;
-    const withLength = (numbers: Uint32Array): Uint16Array => Uint16Array.from(numbers, (u, i) => LENGTHS * classes[i] + lengthOf(u));
+    const withLength = (numbers: Uint32Array): Uint16Array => new Uint16Array(count).map((_, i) => LENGTHS * classes[i] + lengthOf(numbers[i]));
     const luma = block.numbers(count, classes);
     const green = block.numbers(count, withLength(luma), classes);
     const red = block.numbers(count, withLength(luma), withLength(green));

@@ -19,12 +19,12 @@ export function readGeometry(block: Block, count: number, quantiser: Quantiser):
     for (const x of exponents) check(Math.abs(x) <= EXPONENT_MAX, 'exponent of a splat', x, '-8 to 8');
     const steppers: Steppers = {
         exponents,
-        classes: Uint8Array.from(exponents, (x) => x + EXPONENT_MAX),
-        factors: Float64Array.from(exponents, twoTo),
+        classes: new Uint8Array(count).map((_, i) => exponents[i] + EXPONENT_MAX),
+        factors: new Float64Array(count).map((_, i) => twoTo(exponents[i])),
     };
     const { rows, cols } = readSides(block, steppers);
     const texelCount = texelsOf(rows, cols);
-    const sides = Uint8Array.from(rows, (side, i) => 7 * Math.min(side, 6) + Math.min(cols[i], 6));
+    const sides = new Uint8Array(count).map((_, i) => 7 * Math.min(rows[i], 6) + Math.min(cols[i], 6));
     const { logs, octaves, scales } = readScales(block, steppers, sides, quantiser);
     const texelSizes = readTexelSizes(block, rows, cols, sides, logs, quantiser);
     const shifts = readShifts(block, rows, cols, true);
@@ -43,7 +43,7 @@ function readSides(block: Block, { classes }: Steppers): { readonly rows: Uint16
         check(texels >= 0 && texels <= SIDE_MAX, 'side of a map', texels, `1 to ${SIDE_MAX}`);
         return texels;
     };
-    const rows = Uint16Array.from(block.numbers(classes.length, classes), side);
+    const rows = new Uint16Array(block.numbers(classes.length, classes).map(side));
     const cols = new Uint16Array(rows.length);
     const textured = texturedOf(rows);
     const contexts = Uint8Array.from(textured, (i) => Math.min(rows[i], 12));
@@ -78,7 +78,7 @@ function readScales(block: Block, { classes, factors }: Steppers, sides: Uint8Ar
         logs[2 * i] = grid.log2Scale + octaves[i];
         logs[2 * i + 1] = grid.log2Scale + ((code - less[i]) | 0) * step;
     }
-    return { logs, octaves, scales: Float32Array.from(logs, (log) => clamp(Math.fround(exp2(log)), F32_MIN, 1e6)) };
+    return { logs, octaves, scales: new Float32Array(logs.length).map((_, k) => clamp(Math.fround(exp2(logs[k])), F32_MIN, 1e6)) };
 }
 
 /** The first three streams of 6. */
@@ -118,7 +118,7 @@ function readRotations(block: Block, own: Steppers, rows: Uint16Array, scales: F
         const anisotropy = clamp(Math.abs(u / v - v / u), rows[i] > 0 ? 0.375 : 0.0625, 4096);
         return Math.min((steps.twist * factor) / anisotropy, 0.25);
     });
-    const twists = block.signed(count, Uint8Array.from(twistSteps, (step) => clamp(Math.floor(-log256(step) / 64), 0, 127)));
+    const twists = block.signed(count, new Uint8Array(count).map((_, i) => clamp(Math.floor(-log256(twistSteps[i]) / 64), 0, 127)));
     const rotations = new Float32Array(4 * count);
     for (let i = 0; i < count; i += 1) {
         const step = Math.min(steps.tilt * factors[i], 0.25);
@@ -139,8 +139,7 @@ function readRotations(block: Block, own: Steppers, rows: Uint16Array, scales: F
 
 /** Stream 13. */
 function readOpacities(block: Block, { classes, factors }: Steppers, octaves: Float64Array, { steps }: Quantiser): Float32Array {
-    const contexts = Uint16Array.from(classes, (x, i) => 40 * x + 20 + clamp(Math.floor(octaves[i]), -20, 19));
-    return Float32Array.from(block.numbers(classes.length, contexts), (code, i) =>
-        clamp(Math.fround(exp2(-(code * Math.min(steps.log2Opacity * factors[i], 1)))), F32_MIN, 1),
-    );
+    const contexts = new Uint16Array(classes.length).map((_, i) => 40 * classes[i] + 20 + clamp(Math.floor(octaves[i]), -20, 19));
+    const codes = block.numbers(classes.length, contexts);
+    return new Float32Array(codes.length).map((_, i) => clamp(Math.fround(exp2(-(codes[i] * Math.min(steps.log2Opacity * factors[i], 1)))), F32_MIN, 1));
 }

@@ -70,7 +70,7 @@ export class Block {
 
     /** Reads signed numbers in the same way. */
     signed(count: number, contexts?: Contexts, orNone = false): Int32Array {
-        return Int32Array.from(this.numbers(count, contexts, undefined, orNone), signed);
+        return new Int32Array(this.numbers(count, contexts, undefined, orNone).buffer).map(signed);
     }
 
     private stream(count: number, orNone: boolean): [codec: number, found: number, coded: Uint8Array] {
