@@ -87,6 +87,68 @@ test('an embedded file is shown while it arrives', async () => {
     expect(updates[0].complete).toBe(false);
 });
 
+describe('a file of arrays', () => {
+    test.each([['lossless', lossless], ['balanced', balanced]])('%s.glb is shown before its textures and view-dependent colours are there', async (_, bytes) => {
+        const whole = await outcomeOf(bytes);
+        expect(whole.updates.length).toBe(1);
+        const { updates, splats, info } = await outcomeOf(bytes, {}, 1000);
+        expect([splats, info]).toEqual([whole.splats, whole.info]);
+        const [first, last] = updates;
+        expect([updates.length, first.complete, last.complete]).toEqual([2, false, true]);
+        expect(first.bytes).toBeLessThan(bytes.length / 2);
+        const { count, positions, rotations, scales, opacities, sh, shDegrees, rows, texels } = first.splats;
+        const { splats: all } = last;
+        expect([count, positions, rotations, scales, opacities]).toEqual([all.count, all.positions, all.rotations, all.scales, all.opacities]);
+        expect([shDegrees.some((degree) => degree > 0), rows.some((side) => side > 0), texels.length]).toEqual([false, false, 0]);
+        // With the means of maps: another colour where there is one, the same elsewhere.
+        let at = 0;
+        const isSame = Array.from(all.shDegrees, (degree, i) => {
+            const own = [0, 1, 2].every((c) => all.sh[at + c] === sh[3 * i + c]);
+            at += 3 * (degree + 1) ** 2;
+            return own;
+        });
+        expect(isSame.every((same, i) => same || all.rows[i] > 0)).toBe(true);
+        expect(isSame).toContain(false);
+        expect((await outcomeOf(bytes, { maxSplats: 2 }, 1000)).updates.map((update) => update.splats.count)).toEqual([2, 2]);
+    });
+
+    test('one of which the number of texels is not known, or whose attributes stand last, is shown at the end', async () => {
+        const updatesOf = async (change: Change): Promise<number> => {
+            const { json, bin } = split(balanced);
+            change(json, bin);
+            const { updates, error } = await outcomeOf(join(json, bin), {}, 1000);
+            expect(error).toBeNull();
+            return updates.length;
+        };
+        expect(await updatesOf(() => {})).toBe(2);
+        expect(await updatesOf((json) => delete primitive(json).extras)).toBe(1);
+        expect(await updatesOf((json) => (primitive(json).extras.litetex.splats += 1))).toBe(1);
+        const { json, bin } = split(balanced);
+        const view = json.bufferViews[json.accessors[primitive(json).attributes.POSITION].bufferView];
+        const { byteOffset = 0 } = view;
+        const moved = Uint8Array.from([...bin, ...bin.slice(byteOffset, byteOffset + view.byteLength)]);
+        view.byteOffset = bin.length;
+        json.buffers[0].byteLength = moved.length;
+        const { updates, splats } = await outcomeOf(join(json, moved), {}, 1000);
+        expect([updates.length, splats]).toEqual([1, (await outcomeOf(balanced)).splats]);
+    });
+
+    test('its digest is right, whether it is read at once or not', async () => {
+        const { json, bin } = split(balanced);
+        primitive(json).extras.litetex.texels += 1;
+        for (const pieceBytes of [undefined, 1000]) expect(messageOf((await outcomeOf(join(json, bin), {}, pieceBytes)).error)).toContain('texels of the digest');
+        primitive(json).extras.litetex.texels = 4e9;
+        expect(messageOf((await outcomeOf(join(json, bin), {}, 1000)).error)).toMatch(/^unsupported: bytes of/);
+    });
+
+    test('without textures it needs no digest', async () => {
+        const { json, bin } = split(balanced);
+        delete primitive(json).extensions[KHR].extensions;
+        const { updates, info } = await outcomeOf(join(json, bin), {}, 1000);
+        expect([updates.length, info!.texels]).toEqual([2, 0]);
+    });
+});
+
 test('maps on several pages', async () => {
     const whole = (await outcomeOf(lossless)).splats!;
     const { json, bin } = split(lossless);

@@ -18,6 +18,15 @@ export interface Attributes {
     readonly sh: readonly Accessor[];
 }
 
+/** Those that suffice for splats without view-dependent colours, and where they end in the binary chunk. */
+export function firstOnes({ count, position, rotation, scale, opacity, sh }: Attributes): { readonly attributes: Attributes; readonly end: number } {
+    const all = [position, rotation, scale, opacity, sh[0]];
+    return {
+        attributes: { count, degree: 0, position, rotation, scale, opacity, sh: [sh[0]] },
+        end: Math.max(...all.map(({ end }) => end)),
+    };
+}
+
 /** Largest third axis of a disc of another program, as a share of the smaller other one. */
 const THICKNESS_MAX = 0.02;
 

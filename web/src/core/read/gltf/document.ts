@@ -45,6 +45,8 @@ export interface Accessor {
     /** Of the first element, and bytes from one to the next. */
     readonly offset: number;
     readonly stride: number;
+    /** Behind the last element. */
+    readonly end: number;
 }
 
 /** The JSON of a `.glb`, whose look-ups are checked. Names are for messages. */
@@ -99,7 +101,7 @@ export class Document {
         const offset = wholeOf(accessor.byteOffset ?? 0, name);
         const end = offset + stride * (count - 1) + size;
         check(count > 0 && stride >= size && end <= view.bytes, `bytes of ${name}`, view.bytes, `at least ${end}`);
-        return { component, normalised: accessor.normalized === true, width, count, offset: view.offset + offset, stride };
+        return { component, normalised: accessor.normalized === true, width, count, offset: view.offset + offset, stride, end: view.offset + end };
     }
 }
 

@@ -10,7 +10,7 @@ import { readLtgs } from '../ltgs/read';
 import type { ReadOptions } from '../options';
 import type { Source } from '../source';
 import { firstOf, shWidth } from '../splats';
-import { readAttributes } from './attributes';
+import { firstOnes, readAttributes } from './attributes';
 import { Document, F32, U8 } from './document';
 import { ownNumbers, withMaps } from './maps';
 import { type Found, findScene, metaOf } from './scene';
@@ -75,31 +75,52 @@ async function readStream(
     });
 }
 
-/** Reads splats from attributes and arrays, all at once. */
+/** Reads splats from attributes and arrays: first without textures and view-dependent colours, if all others are still to come. */
 async function readArrays(
     source: Source,
     document: Document,
     found: Found,
     binBytes: number,
     fileBytes: number,
-    { onInfo, onUpdate, onWarning, maxSplats = Infinity, checkHash }: ReadOptions,
+    { onInfo, onUpdate, onWarning, maxSplats = Infinity, checkHash, fileBytes: knownBytes = Infinity }: ReadOptions,
 ): Promise<SceneInfo> {
-    const { attributes, ours, isOurs, untextured } = found;
+    const { attributes, ours, isOurs, untextured, texels: toCome } = found;
     const { count, degree } = attributes;
     const meta = metaOf(document, found);
     const quality = ours ? textOf(ours.quality, 'quality') : '';
     const hash = ours ? hashOf(ours.hash) : '';
-    const checkTexels = (texels: number): void => checkMemory(count, texels, degree, fileBytes);
+    const checkTexels = (texels: number): void => checkMemory(count, texels, degree, Math.min(fileBytes, knownBytes));
+    const begin = (texels: number): SceneInfo => {
+        const info: SceneInfo = {
+            container: 'gltf', quality, splats: count, texels, shDegree: degree, ...meta, untextured, standInUntil: null, fileBytes,
+        };
+        onInfo?.(info);
+        return info;
+    };
+    const show = (splats: Splats, bytes: number, complete: boolean): void => {
+        onUpdate?.({ first: 0, splats: firstOf(splats, maxSplats), bytes, complete });
+    };
+    let info: SceneInfo | null = null;
+    const first = firstOnes(attributes);
+    if (toCome !== null && first.end < binBytes) {
+        const there = await source.peek(first.end);
+        if (there.length === first.end && source.arrived < source.taken + binBytes) {
+            checkTexels(toCome);
+            const splats = readAttributes(there, first.attributes, isOurs);
+            checkSplats(splats);
+            info = begin(toCome);
+            show(splats, source.taken + first.end, false);
+        }
+    }
     const bin = await source.take(binBytes);
     checkTexels(0);
     let splats = readAttributes(bin, attributes, isOurs);
     if (ours) splats = await withMaps(document, bin, ours, withOwnSh(document, bin, ours, splats, degree), checkTexels);
     checkSplats(splats);
-    const info: SceneInfo = {
-        container: 'gltf', quality, splats: count, texels: splats.texels.length / 3, shDegree: degree, ...meta, untextured, standInUntil: null, fileBytes,
-    };
-    onInfo?.(info);
-    onUpdate?.({ first: 0, splats: firstOf(splats, maxSplats), bytes: source.taken, complete: true });
+    const texels = splats.texels.length / 3;
+    check(toCome === null || texels === toCome, 'texels of the digest', toCome, texels);
+    info ??= begin(texels);
+    show(splats, source.taken, true);
     if (ours && checkHash !== false && contentHash([splats], meta) !== hash) {
         onWarning?.('the content does not match its hash: a program has changed values');
     }

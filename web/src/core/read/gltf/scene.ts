@@ -19,6 +19,8 @@ export interface Found {
     /** Whether the file was written as ours, so that the third scale means nothing. */
     readonly isOurs: boolean;
     readonly untextured: string | null;
+    /** Texels, if they are known before their arrays are there. */
+    readonly texels: number | null;
     readonly colourSpace: SceneInfo['colourSpace'];
     /** By the node; null if no node shows the splats. */
     readonly worldFromData: SceneInfo['worldFromData'] | null;
@@ -43,11 +45,13 @@ export function findScene(document: Document): Found {
     const version = ours === undefined ? null : wholeOf(objectOf(ours, EXTENSION).version, 'version');
     const loss = lossOf(primitive);
     const isRead = version === VERSION;
+    const attributes = findAttributes(document, primitive);
     return {
-        attributes: findAttributes(document, primitive),
+        attributes,
         ours: isRead ? (ours as Json) : null,
         isOurs: version !== null || loss !== null,
         untextured: isRead ? null : version === null ? loss : `textures of version ${version}, this reader knows version ${VERSION}`,
+        texels: isRead ? statedTexels(primitive, attributes.count) : 0,
         colourSpace: choiceOf(khr.colorSpace, 'colorSpace', COLOUR_SPACES),
         worldFromData: worldFromMesh(document, mesh),
     };
@@ -59,12 +63,23 @@ function isQuadMesh({ extras }: Json): boolean {
     return memberOf(memberOf(extras, 'litetex'), 'kind') === 'quads';
 }
 
-/** What the digest in `extras` tells if our extension is gone; null without a digest (section 9). */
-function lossOf({ extras }: Json): string | null {
+/** The digest in `extras` (section 9). */
+function digestOf({ extras }: Json): { readonly splats: number; readonly texels: number } | null {
     const digest = memberOf(extras, 'litetex');
     const [splats, texels] = [memberOf(digest, 'splats'), memberOf(digest, 'texels')];
-    if (typeof splats !== 'number' || typeof texels !== 'number') return null;
-    return `a program has dropped the textures: the file was written with ${texels} texels for ${splats} splats`;
+    return typeof splats === 'number' && typeof texels === 'number' ? { splats, texels } : null;
+}
+
+/** Texels as the digest states them; null if it is of something else. */
+function statedTexels(primitive: Json, count: number): number | null {
+    const digest = digestOf(primitive);
+    return digest?.splats === count && Number.isInteger(digest.texels) && digest.texels >= 0 ? digest.texels : null;
+}
+
+/** What it tells if our extension is gone; null without a digest. */
+function lossOf(primitive: Json): string | null {
+    const digest = digestOf(primitive);
+    return digest && `a program has dropped the textures: the file was written with ${digest.texels} texels for ${digest.splats} splats`;
 }
 
 /** The metadata of splats; those without our extension have few. */
