@@ -1,6 +1,6 @@
 import type { SceneInfo, Splats, SplatUpdate } from './scene';
 import { errorOf, type Source, stored, type StoredSource } from './worker/messages';
-import { startReading, startWorker } from './worker/start';
+import { startReading, type Workers } from './worker/start';
 
 export interface Opened {
     /** Resolves when the whole file is there; rejects with SceneError if it cannot be read, with Error otherwise. */
@@ -10,7 +10,7 @@ export interface Opened {
      * kept as stored once it has arrived as a whole, else from its address.
      */
     again(): Promise<void>;
-    /** Stops reading. What `done` and `again` have given stays as it is. */
+    /** Stops workers. What `done` and `again` have given stays as it is. */
     close(): void;
 }
 
@@ -21,13 +21,13 @@ export interface Opened {
 export function openScene(
     source: Source, onInfo: (info: SceneInfo) => void, onUpdate: (update: SplatUpdate) => void, maxSplats = Infinity, onStandIn?: (splats: Splats) => void,
 ): Opened {
-    let worker: Worker | null = null;
+    let workers: Workers | null = null;
     let from: StoredSource | null = null;
     const read = () => new Promise<void>((resolve, reject) => {
         from ??= stored(source);
-        worker?.terminate();
-        let own: Worker | null = null;
-        own = worker = startWorker((message) => {
+        workers?.terminate();
+        let own: Workers | null = null;
+        own = workers = startReading(from, maxSplats, (message) => {
             try {
                 if (message.kind === 'info') onInfo(message.info);
                 if (message.kind === 'standIn') onStandIn?.(message.splats);
@@ -43,7 +43,6 @@ export function openScene(
             }
             if (message.kind === 'done' || message.kind === 'failed') own?.terminate();
         });
-        startReading(worker, from, maxSplats);
     });
-    return { done: read(), again: read, close: () => worker?.terminate() };
+    return { done: read(), again: read, close: () => workers?.terminate() };
 }

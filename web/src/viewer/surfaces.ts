@@ -2,7 +2,7 @@
 
 import type { Splats } from '../core/scene';
 import { type KeptFile, errorOf } from '../core/worker/messages';
-import { startReading, startWorker } from '../core/worker/start';
+import { startReading } from '../core/worker/start';
 
 export type SplatSurfaces = readonly { readonly first: number; readonly splats: Splats }[];
 
@@ -15,7 +15,7 @@ const NONE = new Float32Array(0);
 export function readSurfaces(file: KeptFile, maxSplats: number): Promise<SplatSurfaces> {
     return new Promise((resolve, reject) => {
         let parts: { first: number; splats: Splats }[] = [];
-        const worker = startWorker((message) => {
+        const workers = startReading(file, maxSplats, (message) => {
             if (message.kind === 'update') {
                 const { first, splats } = message.update;
                 const { count, positions, rotations, scales, opacities } = splats;
@@ -25,15 +25,14 @@ export function readSurfaces(file: KeptFile, maxSplats: number): Promise<SplatSu
                 parts = parts.filter((part) => part.first < first).map((part) => cut(part, first));
                 parts.push({ first, splats: { ...splats, count: kept, positions: p, rotations: r, scales: s, opacities: o, sh: NONE, texels: NONE } });
             } else if (message.kind === 'done') {
-                worker?.terminate();
+                workers?.terminate();
                 resolve(parts);
             } else if (message.kind === 'failed') {
-                worker?.terminate();
+                workers?.terminate();
                 reject(errorOf(message));
             }
         });
-        if (!worker) return reject(new Error('this browser starts no worker'));
-        startReading(worker, file, maxSplats);
+        if (!workers) reject(new Error('this browser starts no worker'));
     });
 }
 

@@ -5,7 +5,7 @@ import type { SceneCamera, SceneInfo } from '../core/scene';
 import type { Colours } from '../core/render/colours';
 import { type DrawOptions, SplatRenderer } from '../core/render/renderer';
 import type { View } from '../core/render/view';
-import { startReading, startWorker } from '../core/worker/start';
+import { startReading, type Workers } from '../core/worker/start';
 import { errorOf, type FromWorker, type KeptFile, type Source, stored, type StoredSource } from '../core/worker/messages';
 import { sceneBounds, type Sphere } from './bounds';
 import { Controls } from './controls';
@@ -88,7 +88,7 @@ export class Viewer {
     /** Drawn instead of the plain image, if set: for comparisons side by side. */
     compose: ((view: View, options: DrawOptions) => void) | null = null;
     private bounds: Sphere | null = null;
-    private worker: Worker | null = null;
+    private workers: Workers | null = null;
     /** What is being read, or will be once there is a context. */
     private reading: Reading | null = null;
     /** What is shown, once it has arrived as a whole: what is made of it goes with the context. */
@@ -153,8 +153,8 @@ export class Viewer {
     /** Stops reading. */
     close(): void {
         this.generation++;
-        this.worker?.terminate();
-        this.worker = this.reading = null;
+        this.workers?.terminate();
+        this.workers = this.reading = null;
         this.held = [];
     }
 
@@ -273,14 +273,13 @@ export class Viewer {
         if (this.renderer.lost) return; // until it is restored
         const generation = ++this.generation;
         const take = reading.whole ? this.hold : this.receive;
-        this.worker = startWorker((message) => { if (generation === this.generation) take.call(this, message, reading); });
-        startReading(this.worker, reading.source, this.maxSplats);
+        this.workers = startReading(reading.source, this.maxSplats, (message) => { if (generation === this.generation) take.call(this, message, reading); });
     }
 
     private lost(): void {
         this.generation++;
-        this.worker?.terminate();
-        this.worker = null;
+        this.workers?.terminate();
+        this.workers = null;
         this.pace.drop();
         this.held = [];
         this.scene++;
@@ -336,8 +335,8 @@ export class Viewer {
                 if (!again) this.events.progress?.(message.update.bytes, this.info!.fileBytes);
                 break;
             case 'done':
-                this.worker?.terminate();
-                this.worker = this.reading = null;
+                this.workers?.terminate();
+                this.workers = this.reading = null;
                 this.kept = message.kept;
                 if (!again) this.events.load?.();
                 void this.complement();

@@ -1,4 +1,5 @@
 import type { SceneInfo, Splats, SplatUpdate } from '../scene';
+import type { Helpers } from './ltgs/job';
 
 /** How to read a scene. */
 export interface ReadOptions {
@@ -17,4 +18,9 @@ export interface ReadOptions {
     readonly signal?: AbortSignal;
     /** Whether the hash over all decoded numbers is checked, where all are read. Default: yes. */
     readonly checkHash?: boolean;
+}
+
+/** Options that the workers of the package add. */
+export interface HelpedOptions extends ReadOptions {
+    readonly helpers?: Helpers;
 }

@@ -36,7 +36,11 @@ export function stored(source: Source): StoredSource {
 export type ToWorker =
     | { kind: 'positions'; first: number; xyz: Float32Array }
     | { kind: 'sort'; view: SortView; generation: number }
-    | { kind: 'read'; source: StoredSource; maxSplats: number };
+    | { kind: 'read'; source: StoredSource; maxSplats: number }
+    /** To one that reads: another worker, which will help. */
+    | { kind: 'helper'; port: MessagePort }
+    /** To that one. */
+    | { kind: 'help'; port: MessagePort };
 
 export type FromWorker =
     | { kind: 'order'; order: Uint32Array; generation: number; ms: number }
@@ -44,9 +48,11 @@ export type FromWorker =
     | { kind: 'standIn'; splats: Splats }
     | { kind: 'update'; update: SplatUpdate }
     | { kind: 'done'; kept: KeptFile }
+    /** The number of chunks that it begins to decode, for which helpers are wanted. */
+    | { kind: 'chunks'; chunks: number }
     | Failed;
 
-interface Failed {
+export interface Failed {
     kind: 'failed';
     /** Kind of a SceneError; null for other errors, as of the network. */
     errorKind: SceneError['kind'] | null;
@@ -56,4 +62,19 @@ interface Failed {
 /** The error that a worker met, which cannot itself be posted. */
 export function errorOf({ errorKind, message }: Failed): Error {
     return errorKind ? new SceneError(errorKind, message) : new Error(message);
+}
+
+/** An error as it is posted. */
+export function failureOf(error: unknown): Failed {
+    const message = error instanceof Error ? error.message : String(error);
+    return { kind: 'failed', message, errorKind: error instanceof SceneError ? error.kind : null };
+}
+
+/** The memory of arrays, which is not copied if it is posted with them. */
+export function buffersOf(value: object): ArrayBuffer[] {
+    const all = Object.values(value).flatMap((own: unknown) => {
+        if (ArrayBuffer.isView(own)) return [own.buffer as ArrayBuffer];
+        return typeof own === 'object' && own ? buffersOf(own) : [];
+    });
+    return [...new Set(all)];
 }

@@ -1,25 +1,29 @@
 import { readScene } from '../read';
-import { SceneError, type Splats } from '../scene';
+import type { Helpers } from '../read/ltgs/job';
+import type { HelpedOptions } from '../read/options';
+import type { Splats } from '../scene';
 import { fetchFile, streamOf } from './fetch-file';
-import type { FromWorker, KeptFile, StoredSource } from './messages';
+import { buffersOf, failureOf, type FromWorker, type KeptFile, type StoredSource } from './messages';
 
 /** Reads a file and posts what has arrived. */
 export async function readFrom(
-    source: StoredSource, maxSplats: number, post: (message: FromWorker, transfer?: Transferable[]) => void,
+    source: StoredSource, maxSplats: number, post: (message: FromWorker, transfer?: Transferable[]) => void, helpers?: Helpers,
 ): Promise<void> {
+    const give = (message: FromWorker) => post(message, buffersOf(message));
     try {
         const { input, fileBytes, kept } = await open(source);
-        await readScene(input, {
+        const options: HelpedOptions = {
             maxSplats,
+            ...(helpers && { helpers }),
             ...(fileBytes === undefined ? {} : { fileBytes }),
             onInfo: (info) => post({ kind: 'info', info }),
-            onStandIn: (splats) => post({ kind: 'standIn', splats: owned(splats) }),
-            onUpdate: (update) => post({ kind: 'update', update: { ...update, splats: owned(update.splats) } }),
-        });
+            onStandIn: (splats) => give({ kind: 'standIn', splats: owned(splats) }),
+            onUpdate: (update) => give({ kind: 'update', update: { ...update, splats: owned(update.splats) } }),
+        };
+        await readScene(input, options);
         post({ kind: 'done', kept: kept() });
     } catch (error) {
-        const message = error instanceof Error ? error.message : String(error);
-        post({ kind: 'failed', message, errorKind: error instanceof SceneError ? error.kind : null });
+        post(failureOf(error));
     }
 }
 
@@ -37,7 +41,7 @@ async function open(source: StoredSource): Promise<{ input: Uint8Array | Readabl
     return { input, fileBytes, kept: () => ({ file: new Blob(pieces), ...(fileBytes === undefined ? {} : { fileBytes }) }) };
 }
 
-/** Copies arrays that are parts of larger ones, which would be posted whole. */
+/** Copies arrays: the reader keeps its own, and parts of larger ones would be posted whole. */
 function owned(splats: Splats): Splats {
     const entries = Object.entries(splats).map(([name, value]) => [name, ArrayBuffer.isView(value) ? (value as Float32Array).slice() : value]);
     return Object.fromEntries(entries) as Splats;

@@ -1,9 +1,11 @@
 import { Sorter } from '../render/sort';
-import { readFrom } from './read-from';
 import type { FromWorker, ToWorker } from './messages';
+import { help, Pool } from './pool';
+import { readFrom } from './read-from';
 
 const sorter = new Sorter();
 const post = (message: FromWorker, transfer: Transferable[] = []) => self.postMessage(message, { transfer });
+const pool = new Pool((chunks) => post({ kind: 'chunks', chunks }));
 
 self.onmessage = ({ data }: MessageEvent<ToWorker>) => {
     switch (data.kind) {
@@ -16,6 +18,10 @@ self.onmessage = ({ data }: MessageEvent<ToWorker>) => {
             return post({ kind: 'order', order, generation: data.generation, ms: performance.now() - start }, [order.buffer]);
         }
         case 'read':
-            return void readFrom(data.source, data.maxSplats, post);
+            return void readFrom(data.source, data.maxSplats, post, pool);
+        case 'helper':
+            return pool.add(data.port);
+        case 'help':
+            return help(data.port);
     }
 };

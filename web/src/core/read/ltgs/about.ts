@@ -4,10 +4,8 @@ import { choiceOf, objectOf, parseJson, textOf, wholeOf } from '../json';
 import { readMeta } from '../meta';
 import { unpacked } from '../zstd';
 import words from '../../../../../exporters/schema/ltgs-words.txt?raw';
-import type { ChunkDecoder } from './chunk';
 import type { Header } from './header';
-import { lossless } from './lossless';
-import { lossy } from './lossy';
+import type { Coding } from './job';
 import { readQuantiser } from './quantiser';
 
 /** What the metadata of a file say (`ltgs.md`, section 1.2). */
@@ -15,7 +13,7 @@ export interface About {
     readonly info: SceneInfo;
     /** Hash of the content. */
     readonly hash: string;
-    readonly decoder: ChunkDecoder;
+    readonly coding: Coding;
     readonly standIn: StandInEntry | null;
 }
 
@@ -49,6 +47,6 @@ export function readAbout(coded: Uint8Array, header: Header): About {
         },
         hash: hashOf(about.hash),
         standIn: about.standIn === undefined ? null : standInOf(about.standIn),
-        decoder: isLossless ? lossless(shDegree) : lossy(shDegree, readQuantiser(about.quantiser)),
+        coding: { shDegree, quantiser: isLossless ? null : readQuantiser(about.quantiser) },
     };
 }

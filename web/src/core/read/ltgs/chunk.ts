@@ -42,12 +42,15 @@ export interface Texels {
     readonly dc: Float32Array;
 }
 
+/** What the other blocks depend on. */
+export type Basis = Omit<Geometry, 'positions' | 'rotations' | 'opacities' | 'dcShown'>;
+
 /** Decodes the blocks of chunks. */
 export interface ChunkDecoder {
     geometry(block: Block, count: number): Geometry;
     /** For files of an SH degree above 0. */
-    sh(block: Block, geometry: Geometry): Sh;
-    texels(block: Block, geometry: Geometry): Texels;
+    sh(block: Block, basis: Basis): Sh;
+    texels(block: Block, basis: Basis): Texels;
 }
 
 /** Room for the SH of splats of these degrees. */

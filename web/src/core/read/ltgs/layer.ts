@@ -1,16 +1,15 @@
 import type { SplatUpdate, Splats } from '../../scene';
 import { checkSplats } from '../check';
 import { concatenate, firstOf } from '../splats';
-import { type Geometry, type Sh, type Texels, splatsOf } from './chunk';
+import { type Geometry, splatsOf } from './chunk';
+import type { Part } from './job';
 
 /** The part of a layer's chunks that justifies an update that gives splats again. */
 const SHARE = 1 / 8;
 
 /** What is there of a chunk. */
-export interface Arriving {
+interface Arriving extends Part {
     readonly geometry: Geometry;
-    readonly sh?: Sh;
-    readonly texels?: Texels;
 }
 
 /** The layer in arrival, shown as its blocks come (`ltgs.md`, section 1). */
@@ -31,18 +30,13 @@ export class Layer {
         private readonly onUpdate: (update: Omit<SplatUpdate, 'bytes'>) => void,
     ) {}
 
-    /** What is there of a chunk. */
-    at(chunk: number): Arriving {
-        return this.chunks[chunk];
-    }
-
-    /** Adds a chunk, or replaces it by one of which more is there. */
-    set(chunk: number, arriving: Arriving): void {
+    /** Adds a block of a chunk: its geometry first, and that of the chunks before. */
+    add(chunk: number, part: Part): void {
         if (chunk < this.chunks.length) {
             this.firstChanged = Math.min(this.firstChanged, chunk);
             this.changes += 1;
         }
-        this.chunks[chunk] = arriving;
+        this.chunks[chunk] = { ...this.chunks[chunk], ...part };
     }
 
     /** Shows new chunks, and those that have changed where they are many, or where nothing follows. */

@@ -2,14 +2,14 @@ import type { SceneInfo, Splats } from '../../scene';
 import { check } from '../errors';
 import { contentHash } from '../hash';
 import { checkMemory } from '../limits';
-import type { ReadOptions } from '../options';
+import type { HelpedOptions } from '../options';
 import { openSource, type Source } from '../source';
 import { SceneSplats } from '../splats';
 import { readAbout, type StandInEntry } from './about';
-import type { ChunkDecoder } from './chunk';
-import { ENTRY_BYTES, type Entry, HEADER_BYTES, type Header, checkHash, layersOf, readEntries, readHeader } from './header';
-import { type Arriving, Layer } from './layer';
-import { Block } from './streams';
+import { ENTRY_BYTES, type Entry, HEADER_BYTES, checkHash, layersOf, readEntries, readHeader } from './header';
+import { type Coding, type Part, basisOf, decoded } from './job';
+import { Layer } from './layer';
+import { Queue } from './queue';
 
 /**
  * Reads a `.ltgs` file (`exporters/schema/ltgs.md`) while it arrives. What has arrived before an error is shown. `room`: bytes of
@@ -17,7 +17,7 @@ import { Block } from './streams';
  */
 export async function readLtgs(
     source: Source,
-    options: ReadOptions,
+    options: HelpedOptions,
     room = Infinity,
     adapt = (info: SceneInfo, _hash: string): SceneInfo => info,
 ): Promise<SceneInfo> {
@@ -43,7 +43,7 @@ export async function readLtgs(
     const sum = (of: (entry: Entry) => number): number => wanted.reduce((total, entry) => total + of(entry), 0);
     const splats = sum((entry) => entry.splats);
     checkMemory(splats, sum((entry) => entry.texels), header.shDegree, Math.min(header.fileBytes, fileBytes));
-    const parts = await readLayers(source, start, wanted, header, about.decoder, options);
+    const parts = await readLayers(source, start, wanted, about.coding, options);
     check(isEmbedded || source.arrived <= header.fileBytes, 'bytes of the file', source.arrived, header.fileBytes);
     if (options.checkHash !== false && splats === header.splats && splats <= maxSplats) {
         const hasDegree = header.shDegree === 0 || parts.some(({ shDegrees }) => shDegrees.includes(header.shDegree));
@@ -77,48 +77,59 @@ async function readLayers(
     source: Source,
     start: number,
     wanted: readonly Entry[],
-    { shDegree }: Header,
-    decoder: ChunkDecoder,
-    { maxSplats = Infinity, signal, onUpdate }: ReadOptions,
+    coding: Coding,
+    { maxSplats = Infinity, signal, onUpdate, helpers }: HelpedOptions,
 ): Promise<Splats[]> {
     const done: Splats[] = [];
     let splats = 0;
     let texels = 0;
-    for (const entries of layersOf(wanted)) {
-        const layer = new Layer(entries.length, splats, maxSplats - splats, (update) => onUpdate?.({ ...update, bytes: source.taken }));
-        source.onWait = () => layer.show(false);
-        try {
-            for (const kind of shDegree > 0 ? [0, 1, 2] : [0, 2]) {
+    /** Bytes of the file up to the last block that is decoded, and its layer: those behind may be read and decoded meanwhile. */
+    let bytes = source.taken;
+    let shown: Layer | null = null;
+    const queue = new Queue(() => { if (source.isWaiting) shown?.show(false); });
+    source.onWait = () => { if (queue.isEmpty) shown?.show(false); };
+    helpers?.call(wanted.length);
+    try {
+        for (const entries of layersOf(wanted)) {
+            const layer = new Layer(entries.length, splats, maxSplats - splats, (update) => {
+                signal?.throwIfAborted();
+                onUpdate?.({ ...update, bytes });
+            });
+            const firsts: (Part | Promise<Part>)[] = [];
+            for (const kind of coding.shDegree > 0 ? [0, 1, 2] : [0, 2]) {
                 for (const [i, entry] of entries.entries()) {
-                    const { offset, bytes, hash } = entry.blocks[kind];
-                    await source.skipTo(start + offset);
-                    const data = await source.take(bytes);
+                    const { offset, bytes: size, hash } = entry.blocks[kind];
+                    await queue.orFailed(source.skipTo(start + offset));
+                    const data = await queue.orFailed(source.take(size));
+                    const { taken } = source;
                     checkHash(data, hash, 'a block');
                     if (kind === 0) splats += entry.splats;
                     if (kind === 2) texels += entry.texels;
-                    checkMemory(splats, texels, shDegree, source.arrived);
-                    const block = new Block(data);
-                    layer.set(i, decoded(kind, block, layer.at(i), entry, decoder));
-                    block.end();
+                    checkMemory(splats, texels, coding.shDegree, source.arrived);
+                    const geometry = kind > 0 ? (await queue.orFailed(Promise.resolve(firsts[i]))).geometry : null;
+                    const job = { coding, data, kind, splats: entry.splats, texels: entry.texels, basis: geometry ? basisOf(geometry) : null };
+                    const part = helpers?.decode(job) ?? decoded(job);
+                    if (kind === 0) firsts.push(part);
+                    queue.add(part, (there) => {
+                        shown = layer;
+                        bytes = taken;
+                        layer.add(i, there);
+                    });
                 }
             }
-        } catch (error) {
-            if (!signal?.aborted) layer.show(true);
-            throw error;
+            queue.add(null, () => {
+                layer.show(true);
+                done.push(...layer.parts);
+            });
         }
-        layer.show(true);
-        done.push(...layer.parts);
+        await queue.settled();
+        signal?.throwIfAborted();
+    } catch (error) {
+        if (signal?.aborted) throw error;
+        // Errors of blocks before come first.
+        const first = await queue.settled().then(() => error, (earlier) => earlier);
+        (shown as Layer | null)?.show(true);
+        throw first;
     }
     return done;
-}
-
-/** A chunk with one more block. */
-function decoded(kind: number, block: Block, before: Arriving, entry: Entry, decoder: ChunkDecoder): Arriving {
-    if (kind > 0) {
-        const { geometry } = before;
-        return kind === 1 ? { geometry, sh: decoder.sh(block, geometry) } : { ...before, texels: decoder.texels(block, geometry) };
-    }
-    const geometry = decoder.geometry(block, entry.splats);
-    check(geometry.texelCount === entry.texels, 'texels of the maps of a chunk', geometry.texelCount, entry.texels);
-    return { geometry };
 }

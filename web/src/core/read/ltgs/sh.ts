@@ -1,5 +1,5 @@
 import { SH_SIGNS } from '../splats';
-import { type Geometry, type Sh, roomForSh, withDegree } from './chunk';
+import { type Basis, type Sh, roomForSh, withDegree } from './chunk';
 import { putColour } from './colours';
 import { readDegrees } from './maps';
 import { signed } from './math';
@@ -12,7 +12,7 @@ const SECOND = 17 * MEANS;
 const THIRD = 100;
 
 /** Decodes the SH block of a lossy chunk (section 4.1). */
-export function readSh(block: Block, { count, steppers }: Geometry, fileDegree: number, steps: Steps): Sh {
+export function readSh(block: Block, { count, steppers }: Basis, fileDegree: number, steps: Steps): Sh {
     const { classes, factors } = steppers!;
     const out = roomForSh(readDegrees(block, count, fileDegree, classes));
     // t of section 4.3 by channel and splat.

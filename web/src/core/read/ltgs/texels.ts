@@ -1,4 +1,4 @@
-import type { Geometry, Texels } from './chunk';
+import type { Basis, Texels } from './chunk';
 import { putColour } from './colours';
 import { LN_2, Y_00, clamp, exp2, lengthOf, signed, twoTo } from './math';
 import type { Numbers } from './numbers';
@@ -18,7 +18,7 @@ const CONTEXTS = 1200;
 const SIZE_MAX = 65536;
 
 /** Decodes the texel block of a lossy chunk (section 4.2). */
-export function readTexels(block: Block, geometry: Geometry, steps: Steps): Texels {
+export function readTexels(block: Block, geometry: Basis, steps: Steps): Texels {
     const { count, rows, cols, texelCount, scales, texelSizes, shifts } = geometry;
     const stream = block.begin(3 * texelCount, CONTEXTS, CONTEXTS);
     const texels = new Float32Array(3 * texelCount);
