@@ -90,9 +90,11 @@ fn a_stand_in_looks_like_the_scene_and_leaves_it_as_it_is() {
 #[test]
 fn what_cannot_have_a_stand_in_is_written_without_one_and_says_so() {
     let place = Place::new("3", &[]);
-    for (file, quality, why) in
-        [("small.ltgs", "tiny", "below 100 kB"), ("scene.glb", "balanced", "only .ltgs files")]
-    {
+    for (file, quality, why) in [
+        ("small.ltgs", "tiny", "below 100 kB"),
+        ("scene.glb", "balanced", "only .ltgs files"),
+        ("scene.html", "tiny", "only .ltgs files"),
+    ] {
         let (run, path) = (place.path("run"), place.path(file));
         let export = ["export", &run, "-o", &path, "--device", "cpu", "--quality", quality, "--preview"];
         let output = litetex(&export);

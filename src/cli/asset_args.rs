@@ -36,8 +36,8 @@ pub struct AssetArgs {
     /// passes over the views for each level; with --max-size, for one nearer to the scene [default: 1]
     #[arg(long, value_name = "1-9", value_parser = whole::<u8>(1..=9))]
     pub effort: Option<u8>,
-    /// Put a stand-in first in .ltgs files, also in pages and in glTF files of quality tiny: a small scene that looks like the whole
-    /// and is shown while little of it has arrived. A twelfth of the file, at most 128 KiB; none in files below 100 kB
+    /// Put a stand-in first in .ltgs files, also inside glTF files of quality tiny: a small scene that looks like the whole and is
+    /// shown while little of it has arrived. A twelfth of the file, at most 128 KiB; none in files below 100 kB
     #[arg(long)]
     pub preview: bool,
     /// Do not verify the files by rendering them
@@ -137,6 +137,17 @@ impl AssetArgs {
         let goal = self.rate_goal();
         let goal = if format == Format::Ltgs { goal } else { goal.without_bounds() };
         format.has_steps(self.quality()).then_some(goal)
+    }
+
+    /// Whether a file of this format and quality begins with a stand-in.
+    pub fn puts_stand_in(&self, format: Format, quality: Quality) -> bool {
+        let holds_it = match format {
+            Format::Ltgs => true,
+            // Pages hold the whole scene before anything of them runs.
+            Format::Html => false,
+            _ => format.has_steps(quality),
+        };
+        self.preview && holds_it
     }
 
     /// The quality requested.

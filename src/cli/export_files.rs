@@ -7,8 +7,8 @@ use super::views_progress::{ViewsProgress, views_to_render};
 use litetex_exporters::ltgs::{LtgsOptions, encode};
 use litetex_exporters::spz::{ShBits, SpzOptions};
 use litetex_exporters::{
-    AssetCamera, ColourSpace, Format, METRES, Quality, SplatAsset, WriteOptions, num_sh_coefficients,
-    read_asset, read_fallback, stage_asset,
+    AssetCamera, Format, METRES, Quality, SplatAsset, WriteOptions, num_sh_coefficients, read_asset,
+    read_fallback, stage_asset,
 };
 use litetex_gs::capture::Capture;
 use litetex_gs::console::{Interrupt, Log, device};
@@ -204,7 +204,12 @@ impl<'a> Job<'a> {
             rendering: &|| device::open(device, log),
             go_on,
         };
-        let rounding = find_rounding(scene, &goal, &backends, &mut report)?;
+        let rounding = find_rounding(scene, &goal, &backends, &mut report).map_err(|error| match error {
+            Error::Usage(what) if args.preview && args.max_size.is_some() => {
+                usage!("{what}; --preview takes a twelfth of the size: leave it out, or give more")
+            }
+            error => error,
+        })?;
         log.report(&report);
         Ok(rounding)
     }
@@ -284,12 +289,14 @@ impl<'a> Job<'a> {
         if !args.preview {
             return Ok(None);
         }
-        let none = |why: &str| log.warn("no-stand-in", &format!("{}: no stand-in: {why}", path.display()), 1);
+        let none = |why: &str| {
+            log.warn("no-stand-in", &format!("{}: no stand-in: {why}", path.display()), 1);
+            Ok(None)
+        };
         let format = Format::of(path)?;
         let &WriteOptions { quality, steps, per_splat, .. } = options;
-        if !matches!(format, Format::Ltgs | Format::Html) && !format.has_steps(quality) {
-            none("only .ltgs files, pages and glTF files of quality tiny hold one");
-            return Ok(None);
+        if !args.puts_stand_in(format, quality) {
+            return none("only .ltgs files and glTF files of quality tiny begin with one");
         }
         let file = encode(asset, &LtgsOptions { quality, steps, per_splat, ..LtgsOptions::default() })
             .map_err(|e| e.at(path))?;
@@ -299,15 +306,13 @@ impl<'a> Job<'a> {
             go_on,
         };
         let max_bytes = args.max_size.filter(|_| format == Format::Ltgs);
-        let made = stand_in::make(&file, max_bytes, &backends)?;
-        match &made {
-            Some(made) => log.info(&format!("{}: {}", path.display(), words_of(made))),
-            None if asset.colour_space != ColourSpace::SrgbRec709Display => {
-                none("the scene is in linear light")
+        match stand_in::make(&file, max_bytes, &backends)? {
+            Ok(made) => {
+                log.info(&format!("{}: {}", path.display(), words_of(&made)));
+                Ok(Some(made))
             }
-            None => none("the file is below 100 kB and arrives soon enough"),
+            Err(why) => none(why),
         }
-        Ok(made)
     }
 }
 
@@ -315,7 +320,7 @@ fn words_of(made: &MadeStandIn) -> String {
     let MadeStandIn { file, splats, psnr, until_bytes, scene_bytes } = made;
     let share = 100.0 * *until_bytes as f64 / (*scene_bytes).max(1) as f64;
     format!(
-        "stand-in of {}, {}, {psnr:.1} dB against the scene, better until {share:.0} % of it have arrived",
+        "stand-in of {}, {}, {psnr:.1} dB against the scene; shown until {share:.0} % of the scene has arrived",
         format_bytes(file.len() as u64),
         counted(*splats, "splat")
     )

@@ -47,7 +47,7 @@ pub struct RenderArgs {
     /// Render N views on a circle around what the cameras look at
     #[arg(long, value_name = "N", group = "which", value_parser = whole::<u32>(1..=100_000))]
     orbit: Option<u32>,
-    /// Render the home view, at which pages open, as a small poster.jpg to be shown until the scene is there
+    /// Render the home view, at which pages open, as poster.jpg, to be shown until the scene is there
     #[arg(long, group = "which", conflicts_with_all = ["exr", "what", "colour_by", "capture"])]
     poster: bool,
     /// Folder to write into

@@ -95,7 +95,8 @@ fn read_layers(path: &Path, layers: Option<u32>, log: &Log) -> Result<BakedScene
         let found = scene.contents.as_ref().map_or(0, |contents| contents.layers.len());
         check_layers(path, wanted, found)?;
         if wanted == 0 && scene.contents.as_ref().is_none_or(|contents| contents.stand_in.is_none()) {
-            return Err(usage!("--layers 0: {} has no stand-in; export one with --preview", path.display()));
+            let remedy = if found == 0 { "as only .ltgs files do" } else { "export one with --preview" };
+            return Err(usage!("--layers 0: {} has no stand-in; {remedy}", path.display()));
         }
     }
     for warning in scene.contents.iter().flat_map(|contents| &contents.warnings) {

@@ -28,7 +28,7 @@ pub fn views_to_render(asset: &SplatAsset, outputs: &[PathBuf], args: &AssetArgs
         let images =
             if format.keeps_textures() && !matches!(format, Format::Ltgs | Format::Html) { 3 } else { 1 };
         let bits = if format == Format::Spz { sh_bits_views(asset, args.quality(), training) } else { 0 };
-        let stand_in = if args.preview { VIEWS_TO_RENDER } else { 0 };
+        let stand_in = if args.puts_stand_in(format, args.quality()) { VIEWS_TO_RENDER } else { 0 };
         found + bits + images * verified + stand_in
     };
     let edited = if args.min_contribution.is_some() { training } else { 0 };

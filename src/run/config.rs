@@ -57,7 +57,7 @@ pub struct RunConfig {
     /// At most this many points become splats; more are thinned at random.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_points: Option<usize>,
-    /// Whether the run's `.ltgs` files begin with a stand-in. With a wanted size, the scene gets the fewer bytes.
+    /// Whether the run's `.ltgs` files begin with a stand-in. With a wanted size, the scene gets what that leaves.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub preview: bool,
     /// Which evaluations keep their images.
@@ -85,7 +85,7 @@ pub enum SaveImages {
 const DERIVED: [(&str, &str); 1] = [("capture.background", "background")];
 
 impl RunConfig {
-    /// Most bytes of the scene in the file of a run with a wanted size, which a stand-in may share.
+    /// Most bytes of the scene in the file of a run with a wanted size: what a stand-in leaves.
     pub fn scene_max_bytes(&self) -> Option<u64> {
         let scene = |max| if self.preview { bytes_for_scene(max) } else { max };
         self.train.max_bytes.map(scene)
@@ -168,7 +168,7 @@ impl RunConfig {
         let mut table = toml::Table::try_from(&*self)
             .map_err(|e| wrong(format!("the settings have no TOML form: {e}")))?;
         let mut path: Vec<&str> = key.trim().split('.').collect();
-        if !["train", "capture", "init", "max-points", "save-images"].contains(&path[0]) {
+        if !["train", "capture", "init", "max-points", "preview", "save-images"].contains(&path[0]) {
             path.insert(0, "train");
         }
         if let Some((_, source)) = DERIVED.iter().find(|(key, _)| *key == path.join(".")) {

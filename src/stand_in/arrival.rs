@@ -4,7 +4,7 @@ use crate::Result;
 use litetex_exporters::ltgs::{BlockKind, Reader};
 use litetex_exporters::{AssetMap, SplatAsset, num_sh_coefficients};
 
-/// States that are rendered, at most.
+/// About how many states are rendered at most, besides two for each layer.
 const STATES_MAX: usize = 24;
 
 /// Splats are drawn larger while others are missing, at most by this factor; as the web package does (`growthOf`).

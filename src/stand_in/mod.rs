@@ -24,31 +24,31 @@ use rendered::RenderedViews;
 use std::path::Path;
 use std::time::Instant;
 
-/// Part of a file that its stand-in takes, at most. Measured on fox, flower and bonsai (files of 130 to 170 kB): 27.9, 25.8 and
-/// 28.0 dB against the scene with a twelfth; 1 to 1.5 dB less with a sixteenth, 1 more with a tenth.
-const FILE_SHARE: u64 = 12;
+/// A stand-in takes one of this many parts of its file, at most (lab/choices.md 33).
+const FILE_PARTS: u64 = 12;
 
 /// Largest stand-in. A choice: at 10 Mbit/s it is there after a tenth of a second.
 const BYTES_MAX: u64 = 128 << 10;
 
 /// Smaller files have none: they arrive in the time that a stand-in is meant to save.
-pub const SMALLEST_FILE_BYTES: u64 = 100_000;
+const SMALLEST_FILE_BYTES: u64 = 100_000;
 
-/// What a stand-in adds to a file besides its own bytes: its entry in the metadata.
-const ENTRY_BYTES: u64 = 128;
+/// Files of a wanted size may stay below it by one of this many parts, and have a stand-in all the same.
+const TOO_SMALL_PARTS: u64 = 16;
+
+/// What a stand-in adds to the metadata of a file, at most.
+const METADATA_BYTES: u64 = 128;
 
 /// Views that a stand-in is trained on, at most.
 const VIEWS: usize = 64;
 
-/// Longer side of their images, px. With 160, 0.1 dB less.
+/// Longer side of their images, px.
 const SIDE_PX: u32 = 256;
 
-/// Steps of the training. Measured with a tenth of the file, fox: 25.6 dB with 400, 26.3 with 1,000 in twice the time.
+/// Steps of the training.
 const STEPS: u32 = 400;
 
-/// Splats that training begins with, for each byte: most are pruned. Measured, dB against the scene with a tenth of the file, of fox,
-/// flower and bonsai: 27.6, 26.0, 26.1 with 0.16; 28.3, 26.7, 27.3 with 0.22; 29.1, 27.1, 28.8 with 0.4; 28.5, 26.3, 28.8 with
-/// all splats.
+/// Splats that training begins with, for each byte: most are pruned (lab/choices.md 33).
 const FIRST_SPLATS_PER_BYTE: f64 = 0.4;
 
 /// Views at which a stand-in is compared with the scene.
@@ -64,9 +64,9 @@ pub struct MadeStandIn {
     pub file: Vec<u8>,
     /// Splats in it.
     pub splats: usize,
-    /// PSNR against the scene, dB, without rounding to 8 bits.
+    /// PSNR against the scene at eight of the views that it was trained on, dB, without rounding to 8 bits.
     pub psnr: f64,
-    /// Bytes behind it with which the scene itself looks better.
+    /// Once this many bytes behind it have arrived, the scene itself looks better.
     pub until_bytes: u64,
     /// Bytes behind it.
     pub scene_bytes: u64,
@@ -79,9 +79,12 @@ impl MadeStandIn {
     }
 }
 
+/// Why a file has no stand-in.
+pub type WhyNone = &'static str;
+
 /// Most bytes of a stand-in for a file of `file_bytes`, the stand-in included.
 fn most_bytes(file_bytes: u64) -> u64 {
-    (file_bytes / FILE_SHARE).min(BYTES_MAX)
+    (file_bytes / FILE_PARTS).min(BYTES_MAX)
 }
 
 /// What a file of at most `file_bytes` with a stand-in has for the rest; all of it if the file is too small for one.
@@ -89,40 +92,50 @@ pub fn bytes_for_scene(file_bytes: u64) -> u64 {
     if file_bytes < SMALLEST_FILE_BYTES {
         return file_bytes;
     }
-    file_bytes - most_bytes(file_bytes) - ENTRY_BYTES
+    file_bytes - most_bytes(file_bytes) - METADATA_BYTES
 }
 
-/// Makes the stand-in of a `.ltgs` file that has none; the same file and devices give the same bytes. `max_bytes` is the size that the
-/// file with its stand-in may have, if one is wanted. `None` for a file below [`SMALLEST_FILE_BYTES`] or in linear light, whose colours
-/// training does not know.
+/// Makes the stand-in of a `.ltgs` file that has none, or says why it gets none; the same file and devices give the same bytes.
+/// `max_bytes` is the size that the file with its stand-in may have, if one is wanted.
 ///
 /// # Errors
 /// What the devices report, [`Error::Interrupted`].
-pub fn make(file: &[u8], max_bytes: Option<u64>, backends: &Backends<'_>) -> Result<Option<MadeStandIn>> {
+pub fn make(
+    file: &[u8],
+    max_bytes: Option<u64>,
+    backends: &Backends<'_>,
+) -> Result<Result<MadeStandIn, WhyNone>> {
     let reader = Reader::open(file, Path::new(""), &ReadLimits::default())?;
     let scene = reader.decode()?.asset;
-    let with_it = file.len() as u64 * FILE_SHARE / (FILE_SHARE - 1);
-    // Files of a wanted size may stay a little below it.
-    if max_bytes.unwrap_or(with_it) < SMALLEST_FILE_BYTES
-        || scene.colour_space != ColourSpace::SrgbRec709Display
-        || scene.num_splats() == 0
-    {
-        return Ok(None);
+    let whole_bytes = file.len() as u64 * FILE_PARTS / (FILE_PARTS - 1);
+    let smallest = SMALLEST_FILE_BYTES - max_bytes.map_or(0, |_| SMALLEST_FILE_BYTES / TOO_SMALL_PARTS);
+    if whole_bytes < smallest {
+        return Ok(Err("the file is below 100 kB and arrives soon enough"));
+    }
+    if scene.colour_space != ColourSpace::SrgbRec709Display {
+        return Ok(Err("the scene is in linear light"));
     }
     let all = if scene.cameras.is_empty() { views_around(&scene) } else { scene.cameras.clone() };
     let views: Vec<AssetCamera> = evenly_spread(&all, VIEWS).iter().map(reduced).collect();
     let mut renderer = SceneRenderer::new((backends.rendering)()?, backends.go_on);
     let images = renderer.images(&scene, &views)?;
-    let max_bytes = most_bytes(with_it.min(max_bytes.unwrap_or(with_it)));
-    let (model, rounding) = trained(&scene, (&views, &images), max_bytes, backends)?;
+    let most = most_bytes(whole_bytes.min(max_bytes.unwrap_or(whole_bytes)));
+    let (model, rounding) = match trained(&scene, (&views, &images), most, backends) {
+        // Of the sizes that users give, none is meant.
+        Err(Error::Usage(_)) => return Ok(Err("the scene has no coarser form that is small enough")),
+        outcome => outcome?,
+    };
     let (small, stand_in) = encoded(&scene, &model, &rounding)?;
+    if max_bytes.is_some_and(|max| (file.len() + stand_in.len()) as u64 + METADATA_BYTES > max) {
+        return Ok(Err("the file would be larger than wanted"));
+    }
     let compared = evenly_spread(&(0..views.len()).collect::<Vec<_>>(), COMPARED_VIEWS);
     let some: Vec<AssetCamera> = compared.iter().map(|&view| views[view].clone()).collect();
     let expected: Vec<RenderedImage> = compared.iter().map(|&view| images[view].clone()).collect();
     let mut psnr = |asset: &SplatAsset| Ok(mean_psnr(&renderer.images(asset, &some)?, &expected));
     let own = psnr(&small)?;
     let (until_bytes, scene_bytes) = arrival::better_from(&reader, &scene, own, &mut psnr)?;
-    Ok(Some(MadeStandIn { file: stand_in, splats: small.num_splats(), psnr: own, until_bytes, scene_bytes }))
+    Ok(Ok(MadeStandIn { file: stand_in, splats: small.num_splats(), psnr: own, until_bytes, scene_bytes }))
 }
 
 /// The view with a smaller image.
@@ -233,13 +246,13 @@ mod tests {
     #[test]
     fn a_stand_in_and_its_entry_fit_into_what_is_taken_from_the_scene() {
         assert_eq!([0, 99_999].map(bytes_for_scene), [0, 99_999]);
-        assert_eq!(bytes_for_scene(120_000), 110_000 - ENTRY_BYTES);
+        assert_eq!(bytes_for_scene(120_000), 110_000 - METADATA_BYTES);
         // Whatever the scene takes of its bytes, the stand-in that is made for it fits the rest.
         for file_bytes in [100_000_u64, 123_457, 5_000_000] {
             let scene = bytes_for_scene(file_bytes);
-            let made = most_bytes(scene * FILE_SHARE / (FILE_SHARE - 1));
-            assert!(scene + made + ENTRY_BYTES <= file_bytes, "{file_bytes}");
-            assert!(made > file_bytes / (FILE_SHARE + 1) || made == BYTES_MAX, "{file_bytes}: {made}");
+            let made = most_bytes(scene * FILE_PARTS / (FILE_PARTS - 1));
+            assert!(scene + made + METADATA_BYTES <= file_bytes, "{file_bytes}");
+            assert!(made > file_bytes / (FILE_PARTS + 1) || made == BYTES_MAX, "{file_bytes}: {made}");
         }
     }
 }

@@ -1,5 +1,5 @@
-//! Texture atlases: maps at their exact sizes on pages, side by side or with a border of zeros between them. Column `x + col` and row `y + row` of
-//! a page hold texel `(row, col)` of a map.
+//! Texture atlases: maps at their exact sizes on pages, side by side or with a border of zeros between them. Column
+//! `x + col` and row `y + row` of a page hold texel `(row, col)` of a map.
 
 mod codes;
 mod image;

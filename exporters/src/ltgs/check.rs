@@ -49,7 +49,7 @@ fn check(reader: &Reader<'_>, issues: &mut Issues) {
         return;
     }
     if let Err(error) = reader.stand_in(&ReadLimits::default()) {
-        return add(issues, "LT3009", "stand-in", &error);
+        return add(issues, "LT3009", "", &error);
     }
     match reader.assemble(chunks) {
         Err(error) => add(issues, "LT3008", "", &error),

@@ -182,16 +182,18 @@ impl<'a> Reader<'a> {
         let (chunks, tallies): (Vec<_>, Vec<_>) = chunks.into_iter().unzip();
         let mut asset = joined(self.empty(), self.header.sh_degree, chunks).map_err(|e| e.at(&self.path))?;
         asset.validate().map_err(|e| e.at(&self.path))?;
-        let (stand_in, size) = self.stand_in(&self.limits)?.unzip();
-        if self.limits.layers == Some(0) {
-            asset = stand_in.unwrap_or(asset);
+        if self.limits.layers == Some(0)
+            && let Some(stand_in) = self.stand_in(&self.limits)?
+        {
+            asset = stand_in;
         }
+        let stand_in = self.stand_in_size();
         let mut tally = Tally::default();
         tallies.iter().for_each(|t| tally.merge(t));
         tally.count("header", HEADER_BYTES as u64);
         tally.count("metadata", self.header.meta_bytes.into());
         tally.count("contents", (self.entries.len() * ENTRY_BYTES) as u64);
-        tally.count("stand_in", size.map_or(0, |size| size.bytes));
+        tally.count("stand_in", stand_in.map_or(0, |size| size.bytes));
         let unread = self.entries[self.num_wanted..].iter();
         tally.count("unread", unread.flat_map(|e| (0..3).map(|kind| e.block(kind).bytes)).sum());
         tally.count("other", self.header.file_bytes.saturating_sub(tally.total()));
@@ -203,7 +205,7 @@ impl<'a> Reader<'a> {
             hash: self.meta.hash().filter(|_| is_whole),
             sections: tally.sections(),
             layers: self.layer_sizes(),
-            stand_in: size,
+            stand_in,
             warnings: self.warnings(),
         })
     }

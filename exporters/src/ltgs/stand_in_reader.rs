@@ -1,5 +1,6 @@
 //! Reads the stand-in of a file.
 
+use super::header::Header;
 use super::read::Reader;
 use super::stand_in::StandInSize;
 use crate::asset::hash::hash_from_text;
@@ -25,24 +26,31 @@ impl Reader<'_> {
         Ok(Some(bytes))
     }
 
-    /// The stand-in as a scene with the metadata of this file, and its size; `None` if there is none.
+    /// What the metadata say of the stand-in; `None` if there is none.
+    pub(super) fn stand_in_size(&self) -> Option<StandInSize> {
+        let entry = self.meta.stand_in.as_ref()?;
+        let file = self.stand_in_file().ok().flatten();
+        let header = file.and_then(|file| Header::decode(file, &self.path).ok());
+        let splats = header.map(|header| header.num_splats.into());
+        Some(StandInSize { bytes: entry.bytes, splats, until_bytes: entry.until_bytes })
+    }
+
+    /// The stand-in as a scene with the metadata of this file; `None` if there is none.
     ///
     /// # Errors
     /// As [`super::decode`].
-    pub fn stand_in(&self, limits: &ReadLimits) -> Result<Option<(SplatAsset, StandInSize)>> {
-        let (Some(entry), Some(bytes)) = (&self.meta.stand_in, self.stand_in_file()?) else {
-            return Ok(None);
-        };
+    pub fn stand_in(&self, limits: &ReadLimits) -> Result<Option<SplatAsset>> {
+        let Some(bytes) = self.stand_in_file()? else { return Ok(None) };
         let named = |error: Error| error.within("stand-in").at(&self.path);
         let nested =
             Reader::open(bytes, Path::new(""), &ReadLimits { layers: None, ..*limits }).map_err(named)?;
-        if nested.meta.stand_in.is_some() {
-            return Err(named(invalid!("", "has a stand-in of its own")));
+        if nested.meta.stand_in.is_some() || nested.num_splats() == 0 {
+            let found = if nested.num_splats() == 0 { "no splats" } else { "a stand-in of its own" };
+            return Err(named(invalid!("", "it has {found}")));
         }
         let mut asset = nested.decode().map_err(named)?.asset;
         self.meta.meta.clone().store(&mut asset);
         asset.validate().map_err(named)?;
-        let splats = asset.num_splats() as u64;
-        Ok(Some((asset, StandInSize { bytes: entry.bytes, splats, until_bytes: entry.until })))
+        Ok(Some(asset))
     }
 }

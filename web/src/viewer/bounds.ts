@@ -35,3 +35,8 @@ export function boundsOf(positions: Float32Array): Sphere {
     distances.sort();
     return { centre, radius: Math.max(distances[Math.floor(0.9 * (distances.length - 1))], 1e-6) };
 }
+
+/** Radius in an image of what lies within a radius at a distance; Infinity if the camera is within. */
+export function radiusPx(radius: number, distance: number, focalPx: number): number {
+    return distance > radius ? (focalPx * radius) / Math.sqrt(distance ** 2 - radius ** 2) : Infinity;
+}

@@ -7,7 +7,7 @@ import { type DrawOptions, SplatRenderer } from '../core/render/renderer';
 import type { View } from '../core/render/view';
 import { startReading, type Workers } from '../core/worker/start';
 import { errorOf, type FromWorker, type KeptFile, type Source, stored, type StoredSource } from '../core/worker/messages';
-import { sceneBounds, type Sphere } from './bounds';
+import { radiusPx, sceneBounds, type Sphere } from './bounds';
 import { Controls } from './controls';
 import { reducedMotion } from './motion';
 import { Pace, type Plan, type Precision } from './pace';
@@ -57,7 +57,7 @@ export interface FrameFigures {
 /** Phones have more pixels than anybody sees; each costs dozens of fragments. */
 const MAX_PIXEL_RATIO = 2;
 const TURNING_MS = 350;
-/** Scenes of this radius and less are drawn as their stand-in while the camera moves. Measured at 128 pixels: 28 to 31 dB. */
+/** On devices that draw too slowly, scenes of a smaller radius are drawn as their stand-in. Measured at 128 pixels: 28 to 31 dB. */
 const FAR_RADIUS_PX = 64;
 
 /** A file to read, and how. */
@@ -327,6 +327,7 @@ export class Viewer {
                 break;
             case 'standIn':
                 this.renderer.setStandIn(message.splats);
+                this.pose ??= homePose(this.info!, sceneBounds(this.info!, () => message.splats.positions));
                 break;
             case 'update':
                 this.renderer.apply(message.update);
@@ -441,12 +442,13 @@ export class Viewer {
         return this.pose.view(width, height);
     }
 
-    private paint(view: View, { precision, moving, share }: Plan): void {
+    private paint(view: View, plan: Plan): void {
+        const { precision, moving } = plan;
         const options: DrawOptions = {
             colours: this.colours,
             precision,
             onCanvas: moving && precision === 'fast',
-            ...(share < 1 && this.renderer.hasStandIn || (moving && this.isFar(view)) ? { standIn: true } : share < 1 ? { maxSplats: Math.ceil(share * this.renderer.figures.splats) } : {}),
+            ...this.fewer(plan, view),
             ...(this.background === undefined ? {} : { background: this.background }),
             ...(this.colours === 'depth' ? { depthRange: this.depthRange() } : {}),
         };
@@ -454,11 +456,16 @@ export class Viewer {
         else this.renderer.draw(view, options);
     }
 
-    /** Whether the bulk of the scene is so small in an image that a stand-in is as good. */
-    private isFar({ focalPx }: View): boolean {
-        const { centre, radius } = this.boundsOfScene();
-        const distance = Math.hypot(...centre.map((c, i) => c - this.pose!.centre[i]));
-        return radius * focalPx[0] < FAR_RADIUS_PX * (distance - radius);
+    /** What is drawn where all splats take too long. */
+    private fewer({ ratio, share }: Plan, { focalPx }: View): DrawOptions {
+        if (ratio === 1 && share === 1) return {};
+        const { renderer } = this;
+        const isFar = () => {
+            const { centre, radius } = this.boundsOfScene();
+            return radiusPx(radius, Math.hypot(...centre.map((c, i) => c - this.pose!.centre[i])), focalPx[0]) < FAR_RADIUS_PX;
+        };
+        if (renderer.hasStandIn && (share < 1 || isFar())) return { standIn: true };
+        return share < 1 ? { maxSplats: Math.ceil(share * renderer.figures.splats) } : {};
     }
 
     /** Depths between which most of the scene lies: of a sphere around it, or from a part of that if the camera is inside. */

@@ -1,6 +1,7 @@
 import { expect, test } from 'vitest';
 import type { SceneCamera, SceneInfo } from '../../src/core/scene';
 import { centreOf, viewOf } from '../../src/core/render/view';
+import { radiusPx } from '../../src/viewer/bounds';
 import { Glide } from '../../src/viewer/glide';
 import { fitted, homePose, keepNear, Pose } from '../../src/viewer/pose';
 import { cross, dot, length, type Vec3 } from '../../src/viewer/vector';
@@ -145,4 +146,10 @@ test('the camera stays where photos were taken', () => {
     expect(pose.target[2]).toBeCloseTo(5, 12); // the target has stayed
     keepNear(pose, [], 0.3);
     expect(pose.centre[2]).toBeCloseTo(0.3, 12);
+});
+
+test('a sphere is as large in an image as its outline', () => {
+    expect(radiusPx(1, Math.SQRT2, 100)).toBeCloseTo(100, 9);
+    expect(radiusPx(0.01, 10, 500)).toBeCloseTo(0.5, 4);
+    expect([radiusPx(2, 1, 100), radiusPx(2, 2, 100)]).toEqual([Infinity, Infinity]);
 });

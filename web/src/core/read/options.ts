@@ -5,7 +5,7 @@ import type { Helpers } from './ltgs/job';
 export interface ReadOptions {
     /** Called once, before any update. */
     readonly onInfo?: (info: SceneInfo) => void;
-    /** Called before any update with the stand-in of a file that has one: a small scene that looks like the whole. Without it, it is skipped. */
+    /** Called before any update with the stand-in of a file that has one: a small scene that looks like the whole. It is skipped where this is not given. */
     readonly onStandIn?: (splats: Splats) => void;
     /** Called as splats arrive. Arrays must stay as they are until reading has ended. */
     readonly onUpdate?: (update: SplatUpdate) => void;

@@ -75,9 +75,10 @@ export class SplatRenderer {
     private drawn = 0;
     private orderVersion = 0;
     private standIn: StandIn | null = null;
-    /** So much of the scene has arrived, and so much of it is sorted, that it looks better than the stand-in. */
-    private isBetter = false;
-    private looksBetter = false;
+    /** So much of the scene has arrived that it looks better than the stand-in. */
+    private hasArrived = false;
+    /** It is in order, too, and is shown. */
+    private hasReplaced = false;
     /** Of the scene before the context was lost. */
     private before = { splats: 0, texels: 0, bytes: 0, sortMs: 0 };
     private readonly loss: Loss;
@@ -120,7 +121,7 @@ export class SplatRenderer {
         this.ordered = new Pool(this.gl, 'r32ui', this.buffers.capacity);
         this.drawn = 0;
         this.dropStandIn();
-        this.isBetter = this.looksBetter = info.standInUntil === null;
+        this.hasArrived = this.hasReplaced = info.standInUntil === null;
         this.tools.order.setPositions(0, new Float32Array(0));
     }
 
@@ -142,7 +143,7 @@ export class SplatRenderer {
         const kept = this.buffers!.apply(update);
         // Where fewer splats are wanted, the file ends before.
         const isAll = update.complete && this.buffers!.count === this.buffers!.capacity;
-        this.isBetter ||= isAll || update.bytes >= this.info!.standInUntil!;
+        this.hasArrived ||= isAll || update.bytes >= this.info!.standInUntil!;
         this.tools.order.setPositions(update.first, update.splats.positions.subarray(0, 3 * kept));
     }
 
@@ -236,7 +237,7 @@ export class SplatRenderer {
     /** The splats of an image, in the order of its view. */
     private shown(view: View, buffers: SplatBuffers, { standIn, maxSplats = Infinity }: DrawOptions): Pick<Frame, 'buffers' | 'order' | 'drawn' | 'orderVersion' | 'budget'> {
         const { ordered, drawn, orderVersion, standIn: other } = this;
-        if (!other || (this.looksBetter && !standIn)) return { buffers, order: ordered!, drawn, orderVersion, budget: maxSplats };
+        if (!other || (this.hasReplaced && !standIn)) return { buffers, order: ordered!, drawn, orderVersion, budget: maxSplats };
         other.sort(view);
         return { buffers: other.buffers, order: other.order, drawn: other.buffers.count, orderVersion: other.orderVersion, budget: Infinity };
     }
@@ -250,7 +251,7 @@ export class SplatRenderer {
     private setOrder(order: Uint32Array): void {
         this.ordered?.write(0, order);
         this.drawn = order.length;
-        this.looksBetter ||= this.isBetter;
+        this.hasReplaced ||= this.hasArrived;
         this.orderVersion++;
         this.options.onOrder?.();
     }

@@ -6,7 +6,7 @@ import { Pool } from './pool';
 import { Sorter } from './sort';
 import type { View } from './view';
 
-/** A stand-in on the GPU. Its splats are few, so that they are sorted here, for each image. */
+/** A stand-in on the GPU. Its splats are few, so that they are sorted here, whenever the camera turns. */
 export class StandIn {
     readonly buffers: SplatBuffers;
     readonly order: Pool;

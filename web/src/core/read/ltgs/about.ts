@@ -17,11 +17,11 @@ export interface About {
     readonly standIn: StandInEntry | null;
 }
 
-/** A stand-in right behind the tables; with `until` bytes behind it, the scene itself looks better. */
+/** A stand-in right behind the tables: once `untilBytes` bytes behind it have arrived, the scene itself looks better. */
 export interface StandInEntry {
     readonly bytes: number;
     readonly hash: string;
-    readonly until: number;
+    readonly untilBytes: number;
 }
 
 /** Checks a hash as a file states it: 16 hexadecimal digits. */
@@ -32,8 +32,8 @@ export function hashOf(value: unknown): string {
 }
 
 function standInOf(value: unknown): StandInEntry {
-    const { bytes, hash, until } = objectOf(value, 'standIn');
-    return { bytes: wholeOf(bytes, 'standIn.bytes'), hash: hashOf(hash), until: wholeOf(until, 'standIn.until') };
+    const { bytes, hash, untilBytes } = objectOf(value, 'standIn');
+    return { bytes: wholeOf(bytes, 'standIn.bytes'), hash: hashOf(hash), untilBytes: wholeOf(untilBytes, 'standIn.untilBytes') };
 }
 
 export function readAbout(coded: Uint8Array, header: Header): About {

@@ -33,10 +33,14 @@ export async function readLtgs(
     const standInEnd = source.taken - start + (standIn?.bytes ?? 0);
     const blocksStart = entries[0]?.blocks[0].offset ?? header.fileBytes;
     check(blocksStart >= standInEnd, 'place of the first block', blocksStart, `at least ${standInEnd}`);
-    const standInUntil = standIn && start + standInEnd + standIn.until;
+    const standInUntil = standIn && start + standInEnd + standIn.untilBytes;
     const info = adapt({ ...about.info, standInUntil }, about.hash);
     options.onInfo?.(info);
-    if (standIn && options.onStandIn) options.onStandIn(await readStandIn(source, standIn));
+    if (standIn && options.onStandIn) {
+        const file = await source.take(standIn.bytes);
+        // The scene does not depend on it.
+        await readStandIn(file, standIn).then(options.onStandIn, (error: Error) => options.onWarning?.(`the stand-in is left out: ${error.message}`));
+    }
 
     const { maxSplats = Infinity, fileBytes = Infinity } = options;
     const wanted = firstEntries(entries, maxSplats);
@@ -55,8 +59,7 @@ export async function readLtgs(
 }
 
 /** Reads a stand-in, which is a file of its own. */
-async function readStandIn(source: Source, { bytes, hash }: StandInEntry): Promise<Splats> {
-    const file = await source.take(bytes);
+async function readStandIn(file: Uint8Array, { bytes, hash }: StandInEntry): Promise<Splats> {
     checkHash(file, hash, 'the stand-in');
     const splats = new SceneSplats();
     const info = await readLtgs(openSource(file, undefined).source, { onUpdate: (update) => splats.apply(update) }, bytes);
