@@ -4,6 +4,7 @@ import { file, join, messageOf, outcomeOf, randomOf, seal, split } from './scene
 
 /** Files of the corpus that are read: the program reads them, too, but those of other versions of the extension. */
 const READ = [
+    'damaged_stand_in.ltgs',
     'layers.ltgs',
     'many_nodes.glb',
     'newer_extension.glb',
@@ -12,6 +13,9 @@ const READ = [
     'older_extension.glb',
     'overlapping_maps.glb',
     'same_page_many_times.glb',
+    'stand_in.ltgs',
+    'stand_in_of_a_stand_in.ltgs',
+    'stand_in_that_is_none.ltgs',
     'thick_for_others.glb',
     'wrong_colours_for_others.glb',
 ];
