@@ -284,7 +284,7 @@ test.each<[string, Change, RegExp]>([
     ['a buffer longer than its chunk', (json) => (json.buffers[0].byteLength = 1e9), /end of/],
     ['a buffer in another file', (json) => (json.buffers[0].uri = 'a.bin'), /^unsupported.*in another file/],
     ['an image in another file', (json) => (json.images[0] = { uri: 'a.png' }), /^unsupported: image/],
-    ['a page in another file', (json) => (ours(json).atlas[0] = { width: 76, height: 94, uri: 'a.exr' }), /^unsupported: page/],
+    ['a page in another file', (json) => (ours(json).atlas[0] = { width: ours(json).atlas[0].width, height: ours(json).atlas[0].height, uri: 'a.exr' }), /^unsupported: page/],
     ['a page of another size', (json) => (ours(json).atlas[0].width += 1), /PNG: header/],
     ['a smaller page', (json) => (ours(json).atlas[0].width = 40), /map|texels/],
     ['no page', (json) => (ours(json).atlas = []), /map: found/],
