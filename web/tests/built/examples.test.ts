@@ -88,7 +88,7 @@ describe.skipIf(!browserPath())('in Chromium', () => {
     let server: Server;
     let browser: Browser;
 
-    const TYPES: Record<string, string> = { '.html': 'text/html', '.js': 'text/javascript', '.css': 'text/css' };
+    const TYPES: Record<string, string> = { '.html': 'text/html', '.js': 'text/javascript', '.mjs': 'text/javascript', '.css': 'text/css' };
     function fileOf(path: string): string | null {
         if (/\/scene\.\w+$/.test(path)) return join(SCENES, `balanced${extname(path)}`);
         const file = path.startsWith('/built/') ? join(out, path.slice(7), path.endsWith('/') ? 'index.html' : '') : join(WEB, path);
