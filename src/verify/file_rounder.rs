@@ -92,7 +92,7 @@ impl<'a> FileRounder<'a> {
         Ok(Self { frame, views, max_bytes, splat_bytes, statistics, go_on })
     }
 
-    /// Measures at these views, at most [`MEASURED_VIEWS`] of them, instead of the file's own.
+    /// Measures at these views, at most `MEASURED_VIEWS` of them, instead of the file's own.
     #[must_use]
     pub fn measured_at(self, views: &[AssetCamera]) -> Self {
         Self { views: evenly_spread(views, MEASURED_VIEWS), ..self }

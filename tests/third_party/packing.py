@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Validates the atlas: an integer raster proves that maps do not overlap and stay inside their pages. Packing the same
-charts with xatlas must take at least as many pages of our size, and fill pages by at least 15 percentage points less,
+"""Validates the atlas: an integer raster proves that maps do not overlap, nor come nearer than the border that the file
+states, and stay inside their pages. Packing the same charts with xatlas, with as much between them, must take at least as many pages of our size, and fill pages by at least 15 percentage points less,
 even at a page size of its own choice.
 
     packing.py FILE.glb...
@@ -19,33 +19,34 @@ MARGIN = 0.15
 
 
 def layout(path):
-    """Rectangles (x, y, cols, rows) of the maps, their page indices, and the page sizes."""
+    """Rectangles (x, y, cols, rows) of the maps, their page indices, the page sizes, and the border around maps."""
     file = Gltf(path)
     rects = file.accessor(file.textures["rects"]).astype(np.int64)
     pages = np.zeros(len(rects), np.int64)
     if "pages" in file.textures:
         pages = file.accessor(file.textures["pages"])[:, 0].astype(np.int64)
     used = rects[:, 2] * rects[:, 3] > 0
-    return rects[used], pages[used], [(page["width"], page["height"]) for page in file.textures["atlas"]]
+    sizes = [(page["width"], page["height"]) for page in file.textures["atlas"]]
+    return rects[used], pages[used], sizes, file.textures.get("border", 0)
 
 
-def raster_problems(rects, pages, sizes):
-    """Rasterises all maps; yields those that leave their page, and counts of texels covered more than once."""
+def raster_problems(rects, pages, sizes, border):
+    """Rasterises all maps with the border to their left and above; yields those that leave their page, and counts of texels covered more than once."""
     if (pages >= len(sizes)).any():
         yield f"page {pages.max()} of {len(sizes)}"
         return
     for page, (width, height) in enumerate(sizes):
         cover = np.zeros((height, width), np.uint16)
         for x, y, cols, rows in rects[pages == page]:
-            if x + cols > width or y + rows > height:
-                yield f"page {page}: ({x}, {y}) + {cols} x {rows} leaves {width} x {height}"
-            cover[y : y + rows, x : x + cols] += 1
+            if min(x, y) < border or x + cols + border > width or y + rows + border > height:
+                yield f"page {page}: ({x}, {y}) + {cols} x {rows} with a border of {border} leaves {width} x {height}"
+            cover[max(y - border, 0) : y + rows, max(x - border, 0) : x + cols] += 1
         if (cover > 1).any():
             yield f"page {page}: {(cover > 1).sum()} texels are covered more than once"
 
 
-def by_xatlas(rects, side):
-    """Charts, pages and occupancy that xatlas reaches with pages of the given side (0: its own choice). Its input is one
+def by_xatlas(rects, side, border):
+    """Charts, pages and occupancy that xatlas reaches with pages of the given side (0: its own choice) and as much between charts. Its input is one
     quad per map, one unit per texel."""
     corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)
     # Spaced out, so that each quad becomes a chart of its own.
@@ -57,7 +58,7 @@ def by_xatlas(rects, side):
     atlas = xatlas.Atlas()
     atlas.add_uv_mesh(uvs, faces)
     chart, pack = xatlas.ChartOptions(), xatlas.PackOptions()
-    pack.texels_per_unit, pack.padding, pack.resolution = 1.0, 0, side
+    pack.texels_per_unit, pack.padding, pack.resolution = 1.0, border, side
     atlas.generate(chart, pack)
     texels = (rects[:, 2] * rects[:, 3]).sum()
     return atlas.chart_count, atlas.atlas_count, texels / (atlas.atlas_count * atlas.width * atlas.height)
@@ -67,11 +68,11 @@ def main():
     problems, figures = [], []
     for path in sys.argv[1:]:
         name = os.path.basename(path)
-        rects, pages, sizes = layout(path)
-        problems += [f"{name}: {problem}" for problem in raster_problems(rects, pages, sizes)]
+        rects, pages, sizes, border = layout(path)
+        problems += [f"{name}: {problem}" for problem in raster_problems(rects, pages, sizes, border)]
         ours = (rects[:, 2] * rects[:, 3]).sum() / sum(width * height for width, height in sizes)
-        charts, theirs_pages, on_ours = by_xatlas(rects, max(max(size) for size in sizes))
-        free_charts, _, theirs = by_xatlas(rects, 0)
+        charts, theirs_pages, on_ours = by_xatlas(rects, max(max(size) for size in sizes), border)
+        free_charts, _, theirs = by_xatlas(rects, 0, border)
         theirs = max(theirs, on_ours)
         if {charts, free_charts} != {len(rects)}:
             problems.append(f"{name}: xatlas made {charts} and {free_charts} charts of {len(rects)} maps")
@@ -86,7 +87,7 @@ def main():
         for control, breach in controls.items():
             broken = rects.copy()
             breach(broken)
-            if not list(raster_problems(broken, pages, sizes)):
+            if not list(raster_problems(broken, pages, sizes, border)):
                 problems.append(f"{name}: control \"{control}\" was not caught")
     for problem in problems:
         print(f"  xatlas, raster: {problem}")
