@@ -10,6 +10,7 @@ import { OutputPass } from 'three/addons/postprocessing/OutputPass.js';
 import { RenderPass } from 'three/addons/postprocessing/RenderPass.js';
 import type { SceneCamera, SceneInfo, Splats } from '../../src/core/scene';
 import { LitetexGLTFExtension, LitetexLoader, LitetexSplats, type Colours, type SplatsOptions } from '../../src/three';
+import { discOf, infoOf, loseAndRestore } from './disc';
 
 export interface Image {
     width: number;
@@ -170,7 +171,11 @@ const scenarios = {
             camera.updateProjectionMatrix();
             scene.add(camera.add(mesh));
         }
-        if (shot.restored) await loseAndRestore(renderer, () => renderer.render(scene, camera));
+        if (shot.restored) {
+            const render = () => renderer.render(scene, camera);
+            render();
+            await loseAndRestore(renderer.getContext() as WebGL2RenderingContext, render);
+        }
         const image = drawn(renderer, scene, camera, splats, shot.how);
         checked(renderer);
         splats.dispose();
@@ -380,12 +385,7 @@ function partOf(splats: Splats, first: number, end: number): Splats {
 function disc(colour: readonly number[], z: number, sigma: number, turn = 0, info = infoOf()): LitetexSplats {
     const splats = new LitetexSplats(info, EXACT);
     splats.apply({
-        first: 0, bytes: 0, complete: true,
-        splats: {
-            count: 1, positions: new Float32Array([0, 0, z]), rotations: new Float32Array([0, Math.sin(turn / 2), 0, Math.cos(turn / 2)]), scales: new Float32Array([sigma, sigma]),
-            opacities: new Float32Array([1]), shDegrees: new Uint8Array(1), sh: Float32Array.from(colour, (c) => (c - 0.5) / 0.28209479177387814), rows: new Uint16Array(1),
-            cols: new Uint16Array(1), texelSizes: new Float32Array(2), shifts: new Int16Array(2), texels: new Float32Array(0),
-        },
+        first: 0, bytes: 0, complete: true, splats: discOf(colour, z, sigma, turn),
     });
     return splats;
 }
@@ -402,28 +402,6 @@ function middleOf(scene: Scene, how: 'target' | 'canvas'): number[] {
     target?.dispose();
     renderer.dispose();
     return [...rgba.subarray(4 * (16 * 32 + 16), 4 * (16 * 32 + 17))];
-}
-
-function infoOf(): SceneInfo {
-    return {
-        container: 'ltgs', quality: '', splats: 1, texels: 0, shDegree: 0, near: 0.001, filter: 'none', background: [0, 0, 0], colourSpace: 'srgb_rec709_display',
-        worldFromData: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1], captureFromData: null, cameras: [], home: null, bounds: null, untextured: null, standInUntil: null, fileBytes: 0,
-        provenance: { title: '', author: '', licence: '', source: '', up: '', programVersion: '', scale: '', training: {} },
-    };
-}
-
-async function loseAndRestore(renderer: WebGLRenderer, draw: () => void): Promise<void> {
-    draw();
-    const extension = renderer.getContext().getExtension('WEBGL_lose_context')!;
-    const event = (name: string) => new Promise((resolve) => renderer.domElement.addEventListener(name, resolve, { once: true }));
-    const lost = event('webglcontextlost');
-    extension.loseContext();
-    await lost;
-    draw();
-    const restored = event('webglcontextrestored');
-    await new Promise((resolve) => setTimeout(resolve));
-    extension.restoreContext();
-    await restored;
 }
 
 export type Scenarios = typeof scenarios;

@@ -23,7 +23,6 @@ export class FastPath {
     private rows = 0;
     /** Of the scene, and of its stand-in. */
     private readonly atlases = new Map<SplatBuffers, Atlas>();
-    private atlas: Atlas | null = null;
     /** What the records are of. */
     private recorded = '';
     private scene: SplatBuffers | null = null;
@@ -54,9 +53,8 @@ export class FastPath {
         if (this.has(frame)) return;
         const { buffers, info } = frame;
         this.scene = buffers;
-        this.atlas = this.atlases.get(buffers) ?? new Atlas(this.gl, info, buffers, this.batches, this.bake);
-        this.atlases.set(buffers, this.atlas);
-        this.atlas.update();
+        if (!this.atlases.has(buffers)) this.atlases.set(buffers, new Atlas(this.gl, info, buffers, this.batches, this.bake));
+        this.atlas!.update();
         this.recorded = keyOf(frame);
         this.project(frame);
     }
@@ -65,7 +63,12 @@ export class FastPath {
     forget(buffers: SplatBuffers): void {
         this.atlases.get(buffers)?.dispose();
         this.atlases.delete(buffers);
-        if (this.scene === buffers) this.scene = this.atlas = null;
+        if (this.scene === buffers) this.scene = null;
+    }
+
+    /** That of the splats that the records are of. */
+    private get atlas(): Atlas | undefined {
+        return this.scene ? this.atlases.get(this.scene) : undefined;
     }
 
     /** What `prepare` made, by the names of the quads' samplers. */
