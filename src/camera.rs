@@ -7,6 +7,12 @@ mod level;
 pub mod orbit;
 mod symmetric;
 pub mod up;
+/// The mean of cameras' centres, and the largest distance of one from it; 0 without any.
+pub fn mean_and_reach(centres: &[DVec3]) -> (DVec3, f64) {
+    let mean = centres.iter().sum::<DVec3>() / centres.len().max(1) as f64;
+    (mean, centres.iter().map(|centre| centre.distance(mean)).fold(0.0, f64::max))
+}
+
 #[cfg(test)]
 mod up_tests;
 

@@ -2,7 +2,7 @@
 
 use super::source::Source;
 use crate::Report;
-use crate::camera::Similarity;
+use crate::camera::{Similarity, mean_and_reach};
 use crate::constants::{EXTENT_MARGIN, NEAR_MAX};
 use glam::DVec3;
 
@@ -33,8 +33,7 @@ pub(crate) fn capture_from_local(source: &Source, report: &mut Report) -> Simila
         source.views.iter().map(|v| v.camera_from_capture.origin_of_a_in_b()).collect();
     // The sum must not depend on the order of the views, not even in its last bit.
     centres.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z)));
-    let translation = centres.iter().sum::<DVec3>() / centres.len().max(1) as f64;
-    let farthest = centres.iter().map(|c| c.distance(translation)).fold(0.0, f64::max);
+    let (translation, farthest) = mean_and_reach(&centres);
     // Not merely rounding, which grows with the distance from the capture's origin.
     if farthest > 1e-9 * (1.0 + translation.length()) {
         return Similarity { scale: EXTENT_MARGIN * farthest, translation };

@@ -5,21 +5,18 @@ mod arrival;
 mod rendered;
 mod start;
 
-use crate::backend::{LossWeights, RenderedImage};
+use crate::backend::RenderedImage;
 use crate::bake::{asset_camera, bake, camera, model_from_asset};
+use crate::camera::mean_and_reach;
 use crate::constants::EXTENT_MARGIN;
-use crate::model::{Filter, Model};
+use crate::model::Model;
 use crate::rounding::LastRounding;
-use crate::train::{
-    Backdrop, Control, MOST_STEPS, Policy, RateConfig, StepCosts, Timing, TrainConfig, TrainState, train_by,
-};
+use crate::train::{Control, Policy, RateConfig, Timing, TrainConfig, TrainState, train_by};
 use crate::verify::{Backends, Difference, FileRounder, SceneRenderer, evenly_spread, views_around};
 use crate::{Error, Report, Result};
 use glam::DVec3;
 use litetex_exporters::ltgs::{LtgsOptions, Reader, StandIn, encode};
-use litetex_exporters::{
-    AssetCamera, ColourSpace, Filter as AssetFilter, Provenance, Quality, ReadLimits, SplatAsset,
-};
+use litetex_exporters::{AssetCamera, ColourSpace, Provenance, Quality, ReadLimits, SplatAsset};
 use rendered::RenderedViews;
 use std::path::Path;
 use std::time::Instant;
@@ -36,8 +33,8 @@ const SMALLEST_FILE_BYTES: u64 = 100_000;
 /// Files of a wanted size may stay below it by one of this many parts, and have a stand-in all the same.
 const TOO_SMALL_PARTS: u64 = 16;
 
-/// What a stand-in adds to the metadata of a file, at most.
-const METADATA_BYTES: u64 = 128;
+/// What a stand-in adds to the metadata of a file, at most. Measured: 46 to 52.
+const METADATA_BYTES: u64 = 64;
 
 /// Views that a stand-in is trained on, at most.
 const VIEWS: usize = 64;
@@ -47,6 +44,9 @@ const SIDE_PX: u32 = 256;
 
 /// Steps of the training.
 const STEPS: u32 = 400;
+
+/// Highest SH degree: without bands, 0.4 dB less; more take bytes from splats (lab/choices.md 33).
+const SH_DEGREE_MAX: u32 = 1;
 
 /// Splats that training begins with, for each byte: most are pruned (lab/choices.md 33).
 const FIRST_SPLATS_PER_BYTE: f64 = 0.4;
@@ -105,13 +105,13 @@ pub fn make(
     max_bytes: Option<u64>,
     backends: &Backends<'_>,
 ) -> Result<Result<MadeStandIn, WhyNone>> {
-    let reader = Reader::open(file, Path::new(""), &ReadLimits::default())?;
-    let scene = reader.decode()?.asset;
     let whole_bytes = file.len() as u64 * FILE_PARTS / (FILE_PARTS - 1);
     let smallest = SMALLEST_FILE_BYTES - max_bytes.map_or(0, |_| SMALLEST_FILE_BYTES / TOO_SMALL_PARTS);
     if whole_bytes < smallest {
         return Ok(Err("the file is below 100 kB and arrives soon enough"));
     }
+    let reader = Reader::open(file, Path::new(""), &ReadLimits::default())?;
+    let scene = reader.decode()?.asset;
     if scene.colour_space != ColourSpace::SrgbRec709Display {
         return Ok(Err("the scene is in linear light"));
     }
@@ -140,9 +140,8 @@ pub fn make(
 
 /// The view with a smaller image.
 fn reduced(view: &AssetCamera) -> AssetCamera {
-    let factor = (f64::from(SIDE_PX) / f64::from(view.width_px.max(view.height_px))).min(1.0);
-    let px = |px: u32| ((f64::from(px) * factor).round() as u32).max(1);
-    asset_camera(&view.name, false, &camera(view).resized(px(view.width_px), px(view.height_px)))
+    let longer_side_px = view.width_px.max(view.height_px).min(SIDE_PX);
+    asset_camera(&view.name, false, &camera(view).with_longer_side(longer_side_px))
 }
 
 /// Trains a few of the scene's splats until they look like all of them in a file of at most `max_bytes`.
@@ -152,9 +151,26 @@ fn trained(
     max_bytes: u64,
     backends: &Backends<'_>,
 ) -> Result<(Model, LastRounding)> {
-    let config = config(scene, views, max_bytes);
     let count = (FIRST_SPLATS_PER_BYTE * max_bytes as f64) as usize;
-    let start = start::first_splats(scene, views, (count, config.sh_degree), backends)?;
+    let sh_degree = scene.sh_degree.min(SH_DEGREE_MAX);
+    let start = model_from_asset(&start::first_splats(scene, views, (count, sh_degree), backends)?);
+    let rates = RateConfig::default();
+    let extent = extent(views);
+    let config = TrainConfig {
+        steps: STEPS,
+        sh_degree,
+        policy: Policy::Plain,
+        max_bytes: Some(max_bytes),
+        filter: start.filter,
+        background: scene.background,
+        save_secs: 0,
+        rates: RateConfig {
+            position: rates.position * extent,
+            position_end: rates.position_end * extent,
+            ..rates
+        },
+        ..TrainConfig::default()
+    };
     let frame = metadata_of(scene);
     let mut rounder =
         FileRounder::new(frame, max_bytes, backends.statistics, backends.go_on)?.measured_at(views);
@@ -162,14 +178,8 @@ fn trained(
     let mut backend = (backends.rendering)()?;
     let began = Instant::now();
     let now = || began.elapsed().as_secs_f64();
-    let timing = Timing {
-        now: &now,
-        deadline_secs: None,
-        most_steps: MOST_STEPS,
-        costs: StepCosts::CPU,
-        end_secs: 0.0,
-    };
-    let state = TrainState::fresh(model_from_asset(&start));
+    let timing = Timing::by_steps(&now);
+    let state = TrainState::fresh(start);
     let go_on = backends.go_on;
     let (state, _) =
         train_by(&timing, &config, backend.as_mut(), Some(&mut rounder), &rendered, state, &mut |_| {
@@ -179,38 +189,10 @@ fn trained(
     Ok((state.model, rounding))
 }
 
-fn config(scene: &SplatAsset, views: &[AssetCamera], max_bytes: u64) -> TrainConfig {
-    let rates = RateConfig::default();
-    let extent = extent(views);
-    TrainConfig {
-        steps: STEPS,
-        sh_degree: scene.sh_degree.min(1),
-        policy: Policy::Plain,
-        max_bytes: Some(max_bytes),
-        sweep: false,
-        backdrop: Backdrop::None,
-        filter: match scene.filter {
-            AssetFilter::None => Filter::None,
-            AssetFilter::Ewa => Filter::Ewa,
-        },
-        background: scene.background,
-        save_secs: 0,
-        loss: LossWeights::default(),
-        rates: RateConfig {
-            position: rates.position * extent,
-            position_end: rates.position_end * extent,
-            ..rates
-        },
-        ..TrainConfig::default()
-    }
-}
-
 /// Extent of the scene by its cameras, which is 1 in local frames of our own trainings.
 fn extent(views: &[AssetCamera]) -> f32 {
     let centres: Vec<DVec3> = views.iter().map(|view| camera(view).centre_in_local()).collect();
-    let mean = centres.iter().sum::<DVec3>() / centres.len().max(1) as f64;
-    let farthest = centres.iter().map(|centre| centre.distance(mean)).fold(0.0, f64::max);
-    let extent = EXTENT_MARGIN * farthest;
+    let extent = EXTENT_MARGIN * mean_and_reach(&centres).1;
     if extent > 1e-6 && extent.is_finite() { extent as f32 } else { 1.0 }
 }
 

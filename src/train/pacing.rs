@@ -2,6 +2,7 @@
 
 use super::eta::Remaining;
 use super::schedule::Schedule;
+use super::step_costs::StepCosts;
 
 /// Shares of a run after which the length of its rest is decided again; none while the model is pruned. Early decisions see
 /// how images and model grow on this device, the last ones make good what growth and pruning took.
@@ -27,9 +28,16 @@ pub struct Timing<'a> {
     /// With a deadline: the run is not made longer than this, and ends early if there is time left then. [`MOST_STEPS`], or fewer.
     pub most_steps: u32,
     /// What a step costs on this device, as far as it is known.
-    pub costs: super::step_costs::StepCosts,
+    pub costs: StepCosts,
     /// Seconds from the last step to the exit of the program.
     pub end_secs: f64,
+}
+
+impl<'a> Timing<'a> {
+    /// That of a run by a number of steps.
+    pub fn by_steps(now: &'a dyn Fn() -> f64) -> Self {
+        Self { now, deadline_secs: None, most_steps: MOST_STEPS, costs: StepCosts::CPU, end_secs: 0.0 }
+    }
 }
 
 /// Whether the length is decided after a step, if it was last decided after step `before` (0: never).

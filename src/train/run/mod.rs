@@ -18,11 +18,10 @@ use super::eta::{Course, Eta};
 use super::events::{Control, Sink, StopReason, TrainEvent};
 use super::expected_size::ExpectedSize;
 use super::limits::check_limits;
-use super::pacing::{MOST_STEPS, Timing};
+use super::pacing::Timing;
 use super::prune::{Pruned, Round, TrainingViews};
 use super::schedule::{MOST_PROBES, Schedule};
 use super::state::{SizeFigures, TrainState};
-use super::step_costs::StepCosts;
 use super::targets::Targets;
 use super::window::{self, DensityControl, Stage};
 use crate::backend::{Backend, StepReport, WindowStatistics};
@@ -49,14 +48,7 @@ pub fn train(
 ) -> Result<(TrainState, StopReason)> {
     let began = Instant::now();
     let now = || began.elapsed().as_secs_f64();
-    let timing = Timing {
-        now: &now,
-        deadline_secs: None,
-        most_steps: MOST_STEPS,
-        costs: StepCosts::CPU,
-        end_secs: 0.0,
-    };
-    train_by(&timing, config, backend, None, views, start, sink)
+    train_by(&Timing::by_steps(&now), config, backend, None, views, start, sink)
 }
 
 /// [`train`] by a clock, with what rounds the model if its file has a wanted size. With a deadline, the length of the run follows
